@@ -1,7 +1,6 @@
 """Measurement updates from inertial readings and the standstill test; compiled.
 
-In      state x, covariance P and errors dx (state.py); readings (12,): gyroscope and accelerometer
-        of base, then of target
+In      state x, covariance P, errors dx and an InertialSample (state.py)
 Out     dx and P in place
 Source  Kortier, thesis ch. 5, (5.16)-(5.18)
 Leaves  (5.16) takes any specific force of the size of g for gravity, with a new error at each
@@ -12,6 +11,7 @@ Leaves  (5.16) takes any specific force of the size of g for gravity, with a new
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from handscope.estimators.magnet.tracker.state import (
     XTA,
     XTG,
     XVB,
+    InertialSample,
     NoiseModel,
     inject_error,
     scalar_update,
@@ -43,10 +44,17 @@ from handscope.estimators.numerics.kernels import (
     skew,
     transpose,
 )
-from handscope.estimators.numerics.small_matrices import block, clear
+from handscope.estimators.numerics.small_matrices import block
 from handscope.estimators.numerics.typing import Array
 
 MOVING_SD = 4.0  # standard deviations of the velocity from which on a hand does not stand still
+
+
+class Standstill(NamedTuple):
+    """Which of the two sensors passes the standstill test."""
+
+    base: bool
+    target: bool
 
 
 @inlined
@@ -54,25 +62,22 @@ def inertial_update(
     s: NoiseModel,
     x: Array,
     P: Array,
-    now: Array,
-    still_b: bool,
-    still_t: bool,
+    now: InertialSample,
+    still: Standstill,
     lost: bool,
     dt: float,
 ) -> Array:
     """All updates from inertial readings, in place; returns the state. For a lost hand nothing
     distinguishes a slow slide from rest."""
-    dx = np.zeros(len(P))
-    faster = (
-        0.0  # a hand that slides without turning passes for still: not where its velocity is known
-    )
+    dx, faster = np.zeros(len(P)), 0.0
     for i in range(3):
         faster += x[3 + i] ** 2 / (P[V_ + i, V_ + i] + s.still_speed**2)
-    still_t = still_t and not (still_b and faster > MOVING_SD**2)
-    gravity_update(s, x, P, dx, now, still_b, still_t, lost, dt)
-    speed_update(s, x, P, dx, still_b, still_t and not lost, dt)
+    # a hand that slides without turning passes for still: not where its velocity is known
+    target = still.target and not (still.base and faster > MOVING_SD**2)
+    gravity_update(s, x, P, dx, now, Standstill(still.base, target), lost, dt)
+    speed_update(s, x, P, dx, Standstill(still.base, target and not lost), dt)
     common_acceleration_update(s, x, P, dx, now, dt)
-    if still_b and still_t and not lost:
+    if still.base and target and not lost:
         standstill_update(s, x, P, dx, now, dt)
     out: Array = inject_error(x, dx)
     return out
@@ -84,54 +89,68 @@ def gravity_update(
     x: Array,
     P: Array,
     dx: Array,
-    now: Array,
-    still_b: bool,
-    still_t: bool,
+    now: InertialSample,
+    still: Standstill,
     lost: bool,
     dt: float,
 ) -> None:
     """The accelerometer of a sensor at standstill reads gravity; of a lost hand to within the limit
     of the standstill test. (5.16)"""
-    R, up, H = rotation_matrix(x[XQ : XQ + 4]), np.zeros(3), np.zeros((3, len(P)))
+    variance, up = s.acc_still**2 * s.acc_correlation_time / dt, np.zeros(3)
     up[2] = s.gravity
-    variance = s.acc_still**2 * s.acc_correlation_time / dt
     g_b: Array = multiply_transposed(rotation_matrix(x[XGB : XGB + 4]), up)
-    g_t: Array = multiply_transposed(R, g_b)
-    S = skew(g_b)
-    if still_b:
-        block(1.0, S, 0, THG, H)
-        for i in range(3):
-            H[i, BBA + i] = 1.0
-        for i in range(3):
-            scalar_update(P, dx, H[i], now[3 + i] - x[XBA + i] - g_b[i], variance)
-    if still_t:
+    if still.base:
+        base_gravity_update(x, P, dx, now.acc_b, g_b, variance)
+    if still.target:
         if lost:
             variance = s.still_acc**2 * 2 * s.still_correlation_time / dt
-        clear(H)
-        block(1.0, skew(g_t), 0, TH, H)
-        block(1.0, multiply_matrices(transpose(R), S), 0, THG, H)
-        for i in range(3):
-            H[i, BTA + i] = 1.0
-        for i in range(3):
-            scalar_update(P, dx, H[i], now[9 + i] - x[XTA + i] - g_t[i], variance)
+        target_gravity_update(x, P, dx, now.acc_t, g_b, variance)
+
+
+@inlined
+def base_gravity_update(
+    x: Array, P: Array, dx: Array, acc: Array, g_b: Array, variance: float
+) -> None:
+    """Of the trunk's accelerometer; g_b (3,) is what it reads of gravity."""
+    H = np.zeros((3, len(P)))
+    block(1.0, skew(g_b), 0, THG, H)
+    for i in range(3):
+        H[i, BBA + i] = 1.0
+    for i in range(3):
+        scalar_update(P, dx, H[i], acc[i] - x[XBA + i] - g_b[i], variance)
+
+
+@inlined
+def target_gravity_update(
+    x: Array, P: Array, dx: Array, acc: Array, g_b: Array, variance: float
+) -> None:
+    """Of the hand's accelerometer; g_b (3,) is gravity in the base's axes."""
+    R, H = rotation_matrix(x[XQ : XQ + 4]), np.zeros((3, len(P)))
+    g_t: Array = multiply_transposed(R, g_b)
+    block(1.0, skew(g_t), 0, TH, H)
+    block(1.0, multiply_matrices(transpose(R), skew(g_b)), 0, THG, H)
+    for i in range(3):
+        H[i, BTA + i] = 1.0
+    for i in range(3):
+        scalar_update(P, dx, H[i], acc[i] - x[XTA + i] - g_t[i], variance)
 
 
 @inlined
 def speed_update(
-    s: NoiseModel, x: Array, P: Array, dx: Array, still_b: bool, still_t: bool, dt: float
+    s: NoiseModel, x: Array, P: Array, dx: Array, still: Standstill, dt: float
 ) -> None:
     """The speeds of a seated trunk and its hand are bounded; a wrong inclination would make them
     grow."""
     H = np.zeros(len(P))
     speed, correlation_time = (
         (s.still_speed, s.still_correlation_time)
-        if still_b
+        if still.base
         else (s.trunk_speed, s.speed_correlation_time)
     )
     for i in range(3):
         H[VB + i] = 1.0
         scalar_update(P, dx, H, -x[XVB + i], speed**2 * 2 * correlation_time / dt)
-        if not still_t:
+        if not still.target:
             H[V_ + i] = 1.0
             scalar_update(
                 P,
@@ -145,40 +164,42 @@ def speed_update(
 
 @inlined
 def common_acceleration_update(
-    s: NoiseModel, x: Array, P: Array, dx: Array, now: Array, dt: float
+    s: NoiseModel, x: Array, P: Array, dx: Array, now: InertialSample, dt: float
 ) -> None:
     """A common acceleration of trunk and hand observes their relative orientation. (5.17)"""
-    f_b, f_t, turning = now[3:6], now[9:12], 0.0
+    f_b, f_t = now.acc_b, now.acc_t
     norm_b = math.sqrt(f_b[0] ** 2 + f_b[1] ** 2 + f_b[2] ** 2)
     norm_t = math.sqrt(f_t[0] ** 2 + f_t[1] ** 2 + f_t[2] ** 2)
-    for i in range(3):
-        turning += max((now[i] - x[XBG + i]) ** 2, (now[6 + i] - x[XTG + i]) ** 2)
-    centripetal = turning * math.sqrt(
-        x[0] ** 2 + x[1] ** 2 + x[2] ** 2
-    )  # two positions on one rotating body differ by it
-    if (
+    if not (
         abs(norm_b - norm_t) < s.acc_common
-        and centripetal < s.acc_common
+        and centripetal_acceleration(x, now) < s.acc_common
         and abs(norm_b - s.gravity) > s.gate * s.gravity
     ):
-        R, H = rotation_matrix(x[XQ : XQ + 4]), np.zeros((3, len(P)))
-        common = multiply_transposed(R, f_b - x[XBA : XBA + 3])
-        block(1.0, skew(common), 0, TH, H)
-        block(-1.0, transpose(R), 0, BBA, H)
-        for i in range(3):
-            H[i, BTA + i] = 1.0
-        for i in range(3):
-            scalar_update(
-                P,
-                dx,
-                H[i],
-                f_t[i] - x[XTA + i] - common[i],
-                (s.acc_moving + norm_b * 0.1) ** 2 * s.acc_correlation_time / dt,
-            )
+        return
+    R, H = rotation_matrix(x[XQ : XQ + 4]), np.zeros((3, len(P)))
+    common = multiply_transposed(R, f_b - x[XBA : XBA + 3])
+    block(1.0, skew(common), 0, TH, H)
+    block(-1.0, transpose(R), 0, BBA, H)
+    for i in range(3):
+        H[i, BTA + i] = 1.0
+    variance = (s.acc_moving + norm_b * 0.1) ** 2 * s.acc_correlation_time / dt
+    for i in range(3):
+        scalar_update(P, dx, H[i], f_t[i] - x[XTA + i] - common[i], variance)
 
 
 @inlined
-def standstill_update(s: NoiseModel, x: Array, P: Array, dx: Array, now: Array, dt: float) -> None:
+def centripetal_acceleration(x: Array, now: InertialSample) -> float:
+    """By which two positions on one rotating body differ, m/s^2."""
+    turning = 0.0
+    for i in range(3):
+        turning += max((now.gyr_b[i] - x[XBG + i]) ** 2, (now.gyr_t[i] - x[XTG + i]) ** 2)
+    return turning * math.sqrt(x[0] ** 2 + x[1] ** 2 + x[2] ** 2)
+
+
+@inlined
+def standstill_update(
+    s: NoiseModel, x: Array, P: Array, dx: Array, now: InertialSample, dt: float
+) -> None:
     """Trunk and hand both stand still: zero velocity, zero rates. (5.18)"""
     H, lasting = (
         np.zeros(len(P)),
@@ -188,7 +209,7 @@ def standstill_update(s: NoiseModel, x: Array, P: Array, dx: Array, now: Array, 
         H[V_ + i] = 1.0
         scalar_update(P, dx, H, -x[3 + i], s.still_speed**2 * lasting)
         H[V_ + i], H[BTG + i] = 0.0, 1.0
-        scalar_update(P, dx, H, now[6 + i] - x[XTG + i], s.still_rate**2 * lasting)
+        scalar_update(P, dx, H, now.gyr_t[i] - x[XTG + i], s.still_rate**2 * lasting)
         H[BTG + i], H[BBG + i] = 0.0, 1.0
-        scalar_update(P, dx, H, now[i] - x[XBG + i], s.still_rate**2 * lasting)
+        scalar_update(P, dx, H, now.gyr_b[i] - x[XBG + i], s.still_rate**2 * lasting)
         H[BBG + i] = 0.0

@@ -6,9 +6,8 @@ belong to t - tau. tau, the latency, is the state's last row; it is negative whe
 are early. Between the two instants the body moves as its inertial sensors measured: rates change
 linearly, the relative velocity changes with the relative acceleration.
 
-In      state x and errors (state.py); kinematics (22 + L,) of L magnetometers: rates of base and
-        target, their derivatives, specific forces, as read; relative velocity; latency mode; age of
-        each reading by its own time stamp
+In      state x and errors (state.py); Kinematics, with the age of each magnetometer's reading by
+        its own time stamp
 Source  ours, by the rigid-body motion (5.19)-(5.22). Rates and derivatives: fading memory of degree
         one (Morrison 1969, Introduction to Sequential Smoothing and Prediction, ch. 13); the noise
         of unsmoothed rates would count as movement and bias the latency by a third. Velocity in
@@ -24,7 +23,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from handscope.estimators.magnet.tracker.state import P_, TH, THG, V_, XBA, XBG, XGB, XQ, XTA, XTG
+from handscope.estimators.magnet.tracker.state import (
+    P_,
+    TH,
+    THG,
+    V_,
+    XBA,
+    XBG,
+    XGB,
+    XQ,
+    XTA,
+    XTG,
+    InertialSample,
+)
 from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.kernels import (
     multiply_matrices,
@@ -37,11 +48,7 @@ from handscope.estimators.numerics.kernels import (
 from handscope.estimators.numerics.small_matrices import block
 from handscope.estimators.numerics.typing import Array
 
-# followed by the age of each magnetometer's reading at the newest inertial sample, s
-KINEMATICS_SIZE = 22
-LATENCY_MODE = 21  # how readings depend on latency
-ESTIMATED, CONSIDERED, IGNORED = 1.0, 0.0, -1.0
-WB, WT, AB, AT, FB, FT, VS = (3 * k for k in range(7))  # rows
+ESTIMATED, CONSIDERED, IGNORED = 1.0, 0.0, -1.0  # how readings depend on latency
 MEMORY = 0.05  # s, of rates
 VELOCITY_MEMORY = 2.0  # s, of the velocity
 # rad/s, m/s, standard deviations: slower movements do not observe latency
@@ -49,29 +56,68 @@ MOVING_RATE, MOVING_SPEED, MOVING_SD = 0.35, 0.1, 4.0
 MAX_VELOCITY_SD = 0.1  # m/s, sd of the velocity: tracked hands stay below 0.08, lost ones above
 
 
+class Kinematics(NamedTuple):
+    """What the inertial sensors measured, by which a state is led to the instant of a reading.
+    Arrays are updated in place."""
+
+    w_b: Array  # (3,) rad/s, rate of the base, as read
+    w_t: Array  # (3,) rad/s, of the target
+    alpha_b: Array  # (3,) rad/s^2, change of the base's rate
+    alpha_t: Array  # (3,) rad/s^2
+    f_b: Array  # (3,) m/s^2, specific force, as read
+    f_t: Array  # (3,) m/s^2
+    v_bt: Array  # (3,) m/s
+    age: Array  # (L,) s of each magnetometer's reading at the newest inertial sample
+    latency_mode: float  # ESTIMATED, CONSIDERED or IGNORED
+
+
+def start_kinematics(magnetometers: int) -> Kinematics:
+    """Before the first sample."""
+    w_b, w_t, alpha_b, alpha_t, f_b, f_t, v_bt = np.zeros((7, 3))
+    age = np.zeros(magnetometers)
+    return Kinematics(w_b, w_t, alpha_b, alpha_t, f_b, f_t, v_bt, age, CONSIDERED)
+
+
+def copy_kinematics(kinematics: Kinematics) -> Kinematics:
+    """For a kernel that updates it."""
+    *arrays, mode = kinematics
+    return Kinematics._make([*(a.copy() for a in arrays), mode])
+
+
 @inlined
-def predict_kinematics(kinematics: Array, now: Array, dt: float) -> None:
-    """Advance kinematics by dt in place, with readings (12,): gyroscope and accelerometer of base,
-    then of target; restart where dt is 0."""
+def with_latency_mode(kinematics: Kinematics, mode: float) -> Kinematics:
+    """The same arrays with another mode."""
+    k = kinematics
+    return Kinematics(k.w_b, k.w_t, k.alpha_b, k.alpha_t, k.f_b, k.f_t, k.v_bt, k.age, mode)
+
+
+@inlined
+def predict_kinematics(kinematics: Kinematics, now: InertialSample, dt: float) -> None:
+    """Advance kinematics by dt in place; restart where dt is 0."""
+    track_rate(kinematics.w_b, kinematics.alpha_b, now.gyr_b, dt)
+    track_rate(kinematics.w_t, kinematics.alpha_t, now.gyr_t, dt)
+    for i in range(3):
+        kinematics.f_b[i], kinematics.f_t[i] = now.acc_b[i], now.acc_t[i]
+
+
+@inlined
+def track_rate(rate: Array, change: Array, gyr: Array, dt: float) -> None:
+    """Fading memory of a rate and its change, in place."""
     fade = math.exp(-dt / MEMORY) if dt > 0 else 0.0
     for i in range(3):
-        kinematics[FB + i], kinematics[FT + i] = now[3 + i], now[9 + i]
-        for rate, change, read in ((WB + i, AB + i, now[i]), (WT + i, AT + i, now[6 + i])):
-            innovation = read - kinematics[rate] - dt * kinematics[change]
-            kinematics[rate] = read - fade * fade * innovation
-            kinematics[change] = (
-                kinematics[change] + (1 - fade) ** 2 * innovation / dt if dt > 0 else 0.0
-            )
+        innovation = gyr[i] - rate[i] - dt * change[i]
+        rate[i] = gyr[i] - fade * fade * innovation
+        change[i] = change[i] + (1 - fade) ** 2 * innovation / dt if dt > 0 else 0.0
 
 
 @inlined
-def rotation_over_latency(x: Array, kinematics: Array) -> tuple[Array, Array]:
+def rotation_over_latency(x: Array, kinematics: Kinematics) -> tuple[Array, Array]:
     """Rotations of base and target over the latency (3,), (3,), each in its own axes."""
     tau = x[-1]
     base, target = np.empty(3), np.empty(3)
     for i in range(3):
-        base[i] = tau * (kinematics[WB + i] - x[XBG + i] - 0.5 * tau * kinematics[AB + i])
-        target[i] = tau * (kinematics[WT + i] - x[XTG + i] - 0.5 * tau * kinematics[AT + i])
+        base[i] = tau * (kinematics.w_b[i] - x[XBG + i] - 0.5 * tau * kinematics.alpha_b[i])
+        target[i] = tau * (kinematics.w_t[i] - x[XTG + i] - 0.5 * tau * kinematics.alpha_t[i])
     return base, target
 
 
@@ -83,7 +129,7 @@ def velocity_variance(P: Array) -> float:
 
 
 @inlined
-def latency_mode(kinematics: Array, P: Array, lost: bool) -> float:
+def latency_mode(kinematics: Kinematics, P: Array, lost: bool) -> float:
     """How readings inform latency: IGNORED for a hand of unknown position or velocity; CONSIDERED
     where neither trunk nor hand moves enough for 10 ms to exceed the wander of a filter at rest;
     else ESTIMATED."""
@@ -92,9 +138,9 @@ def latency_mode(kinematics: Array, P: Array, lost: bool) -> float:
     base, target, speed = 0.0, 0.0, 0.0
     for i in range(3):
         base, target, speed = (
-            base + kinematics[WB + i] ** 2,
-            target + kinematics[WT + i] ** 2,
-            speed + kinematics[VS + i] ** 2,
+            base + kinematics.w_b[i] ** 2,
+            target + kinematics.w_t[i] ** 2,
+            speed + kinematics.v_bt[i] ** 2,
         )
     moves = max(base, target) > MOVING_RATE**2 or speed > max(
         MOVING_SPEED**2, MOVING_SD**2 * velocity_variance(P)
@@ -103,18 +149,18 @@ def latency_mode(kinematics: Array, P: Array, lost: bool) -> float:
 
 
 @inlined
-def schmidt_update(kinematics: Array, P: Array, dx: Array, C: Array) -> None:
+def schmidt_update(kinematics: Kinematics, P: Array, dx: Array, C: Array) -> None:
     """Correct an update dx, C of P in place that must not estimate latency. Correlations with it
     remain: if latency were taken as exact here, a position error of latency times speed would later
     bias it."""
-    if kinematics[LATENCY_MODE] < ESTIMATED:
+    if kinematics.latency_mode < ESTIMATED:
         last = len(dx) - 1
         dx[last] = 0.0
         C[last, last] = P[last, last]
 
 
 @inlined
-def smooth_velocity(kinematics: Array, x: Array, P: Array, v: Array, dt: float) -> None:
+def smooth_velocity(kinematics: Kinematics, x: Array, P: Array, v: Array, dt: float) -> None:
     """Update the velocity in kinematics: carry it from the filter's previous velocity v (3,) by
     accelerations and the base's rotation, and draw it slowly to the filter's; reset where dt is 0
     or the filter is uncertain, so that a relocated hand does not inherit the velocity of a lost
@@ -127,25 +173,23 @@ def smooth_velocity(kinematics: Array, x: Array, P: Array, v: Array, dt: float) 
     deviation, back_b, one = np.empty(3), np.empty(3), np.zeros(4)
     one[0] = 1.0
     for i in range(3):
-        deviation[i], back_b[i] = kinematics[VS + i] - v[i], -(kinematics[WB + i] - x[XBG + i]) * dt
+        deviation[i], back_b[i] = kinematics.v_bt[i] - v[i], -(kinematics.w_b[i] - x[XBG + i]) * dt
     deviation = multiply_vector(rotation_matrix(rotate_by(one, back_b, False)), deviation)
     for i in range(3):
-        kinematics[VS + i] = x[3 + i] + (1.0 - toward) * deviation[i]
+        kinematics.v_bt[i] = x[3 + i] + (1.0 - toward) * deviation[i]
 
 
 @inlined
-def relative_acceleration(x: Array, kinematics: Array) -> Array:
+def relative_acceleration(x: Array, kinematics: Kinematics) -> Array:
     """Acceleration of the target less the base's, base axes (3,). (5.19)"""
-    out: Array = multiply_vector(
-        rotation_matrix(x[XQ : XQ + 4]), kinematics[FT : FT + 3] - x[XTA : XTA + 3]
-    )
+    out: Array = multiply_vector(rotation_matrix(x[XQ : XQ + 4]), kinematics.f_t - x[XTA : XTA + 3])
     for i in range(3):
-        out[i] -= kinematics[FB + i] - x[XBA + i]
+        out[i] -= kinematics.f_b[i] - x[XBA + i]
     return out
 
 
 @inlined
-def state_delayed(x: Array, kinematics: Array) -> Array:
+def state_delayed(x: Array, kinematics: Kinematics) -> Array:
     """The state tau earlier: position and both orientations; velocity and the rest are unchanged."""
     base, target = rotation_over_latency(x, kinematics)
     tau, out = x[-1], x.copy()
@@ -179,7 +223,7 @@ class DelayJacobian(NamedTuple):
 
 
 @inlined
-def state_at_reading(x: Array, kinematics: Array, age: float) -> tuple[Array, DelayJacobian]:
+def state_at_reading(x: Array, kinematics: Kinematics, age: float) -> tuple[Array, DelayJacobian]:
     """The state to which a reading belongs that is `age` s old by its time stamp, and its
     Jacobian."""
     late = x.copy()
@@ -189,37 +233,46 @@ def state_at_reading(x: Array, kinematics: Array, age: float) -> tuple[Array, De
 
 
 @inlined
-def delay_jacobian(x: Array, then: Array, kinematics: Array) -> DelayJacobian:
+def delay_jacobian(x: Array, then: Array, kinematics: Kinematics) -> DelayJacobian:
     """Jacobian of the state at the reading by the errors of the newest state."""
     base, target = rotation_over_latency(x, kinematics)
-    tau, one = x[-1], np.zeros(4)
+    one = np.zeros(4)
     one[0] = 1.0
     C, U = (
         rotation_matrix(rotate_by(one, base, False)),
         rotation_matrix(rotate_by(one, target, False)),
     )
-    w, u, v, pulled = np.empty(3), np.empty(3), np.empty(3), relative_acceleration(x, kinematics)
+    far = multiply_matrices(
+        C,
+        multiply_matrices(rotation_matrix(x[XQ : XQ + 4]), skew(kinematics.f_t - x[XTA : XTA + 3])),
+    )
+    place, turn_t, turn_b = derivatives_by_latency(x, then, kinematics, C)
+    return DelayJacobian(x[-1], C, U, far, place, turn_t, turn_b)
+
+
+@inlined
+def derivatives_by_latency(
+    x: Array, then: Array, kinematics: Kinematics, C: Array
+) -> tuple[Array, Array, Array]:
+    """Of position and of the orientations of target and base, (3,) each; zero where readings must
+    not inform latency. C (3, 3): base axes now to base axes then."""
+    tau, pulled = x[-1], relative_acceleration(x, kinematics)
+    w, u, v = np.empty(3), np.empty(3), np.empty(3)
     for i in range(3):
         w[i], u[i] = (
-            kinematics[WB + i] - x[XBG + i] - tau * kinematics[AB + i],
-            kinematics[WT + i] - x[XTG + i] - tau * kinematics[AT + i],
+            kinematics.w_b[i] - x[XBG + i] - tau * kinematics.alpha_b[i],
+            kinematics.w_t[i] - x[XTG + i] - tau * kinematics.alpha_t[i],
         )
-        v[i] = kinematics[VS + i] - tau * pulled[i]
+        v[i] = kinematics.v_bt[i] - tau * pulled[i]
     v, about, carried = (
         multiply_vector(C, v),
         multiply_transposed(rotation_matrix(then[XQ : XQ + 4]), w),
         multiply_vector(skew(w), then[0:3]),
     )
-    active = 1.0 if kinematics[LATENCY_MODE] > IGNORED else 0.0
+    active = 1.0 if kinematics.latency_mode > IGNORED else 0.0
     for i in range(3):
         v[i], u[i], w[i] = active * (carried[i] - v[i]), active * (about[i] - u[i]), -active * w[i]
-    far = multiply_matrices(
-        C,
-        multiply_matrices(
-            rotation_matrix(x[XQ : XQ + 4]), skew(kinematics[FT : FT + 3] - x[XTA : XTA + 3])
-        ),
-    )
-    return DelayJacobian(tau, C, U, far, v, u, w)
+    return v, u, w
 
 
 @inlined

@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from handscope.estimators.magnet.tracker.latency import Kinematics
 from handscope.estimators.magnet.tracker.measurement_model import compute_innovations
 from handscope.estimators.magnet.tracker.state import (
     B_,
@@ -56,7 +57,7 @@ def damped_step(dx: Array, new: Array, last: bool) -> float:
 
 @inlined
 def iterated_update(
-    s: NoiseModel, x: Array, P: Array, kinematics: Array, mag: Array, variance_scale: float
+    s: NoiseModel, x: Array, P: Array, kinematics: Kinematics, mag: Array, variance_scale: float
 ) -> tuple[Array, Array, float]:
     """Update of a known position: error, covariance, normalised innovation squared (3 degrees of
     freedom a reading).
@@ -91,7 +92,7 @@ def global_update(
     s: NoiseModel,
     x: Array,
     P: Array,
-    kinematics: Array,
+    kinematics: Kinematics,
     start: Array,
     mag: Array,
     variance_scale: float,
@@ -109,7 +110,7 @@ def gauss_newton_from(
     s: NoiseModel,
     x: Array,
     P: Array,
-    kinematics: Array,
+    kinematics: Kinematics,
     start: Array,
     mag: Array,
     variance_scale: float,

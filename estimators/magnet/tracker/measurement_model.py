@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from handscope.estimators.magnet.tracker.latency import (
-    KINEMATICS_SIZE,
+    Kinematics,
     map_jacobian_to_now,
     state_at_reading,
 )
@@ -178,10 +178,10 @@ def room_field(x: Array, at: CommonTerms, place: Array, H: Array) -> tuple[Array
 
 
 @inlined
-def predict_delayed_reading(x: Array, kinematics: Array, k: int, H: Array) -> Array:
+def predict_delayed_reading(x: Array, kinematics: Kinematics, k: int, H: Array) -> Array:
     """Predicted reading (3,) of magnetometer k at the instant of its sample; fills the Jacobian H
     (3, errors) by the errors of now."""
-    then, since = state_at_reading(x, kinematics, kinematics[KINEMATICS_SIZE + k])
+    then, since = state_at_reading(x, kinematics, kinematics.age[k])
     reads: Array = predict_reading(then, common_terms(then), k, H)
     map_jacobian_to_now(since, H)
     return reads
@@ -200,7 +200,7 @@ def count_axes(mag: Array) -> int:
 def compute_innovations(
     s: NoiseModel,
     x: Array,
-    kinematics: Array,
+    kinematics: Kinematics,
     mag: Array,
     variance_scale: float,
     H: Array,
@@ -209,7 +209,7 @@ def compute_innovations(
 ) -> None:
     """Fill innovations (m,), Jacobian (m, errors) with zeros where a magnetometer did not answer,
     and noise (m, m) of variance_scale times the magnetometers' variance."""
-    age = kinematics[KINEMATICS_SIZE]
+    age = kinematics.age[0]
     then, since = state_at_reading(x, kinematics, age)
     at = common_terms(then)
     for k in range(len(mag)):
@@ -219,8 +219,8 @@ def compute_innovations(
         if math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2]):
             clear(rows)
             continue
-        if kinematics[KINEMATICS_SIZE + k] != age:
-            age = kinematics[KINEMATICS_SIZE + k]
+        if kinematics.age[k] != age:
+            age = kinematics.age[k]
             then, since = state_at_reading(x, kinematics, age)
             at = common_terms(then)
         reads = predict_reading(then, at, k, rows)

@@ -1,14 +1,16 @@
 """Innovation monitor of the magnetometers and tests of what their readings determine; compiled.
 
-In      state x and covariance P (state.py); monitor (9,): rows below
+In      state x and covariance P (state.py)
 Out     normalised innovation squared, observability of the magnet's position, reset of a lost one
 Source  Kortier, thesis ch. 5, (5.7), Fig. 5.3; limits: ours
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
+from handscope.estimators.magnet.tracker.latency import Kinematics
 from handscope.estimators.magnet.tracker.measurement_model import (
     compute_innovations,
     count_axes,
@@ -42,12 +44,32 @@ MAX_SD_SHARE_LOST = 0.15  # the same of a lost position
 LOST_NIS = 3.0  # mean NIS at which the position is given up: no chance over half a second
 LOST_TURN_SD = 20 * math.pi / 180
 INHOMOGENEITY_MEMORY = 600.0  # s over which the field's inhomogeneity is measured
-# rows of the monitor: mean NIS, s since it is too large, s without a usable reading
-MEAN_NIS, LOST_TIME, SILENT_TIME = 0, 1, 2
-# s of measurement, mean (2) and mean square (2, T^2) of the field's other two components
-FIELD_TIME, FIELD_MEAN, FIELD_SQUARE = 3, 4, 6
-SEARCH_DELAY = 8  # s until a hand out of reach is searched again
-MONITOR_SIZE = 9
+
+
+class FieldStatistics(NamedTuple):
+    """Of the two components of the ambient field that readings and gravity determine."""
+
+    time: float = 0.0  # s of measurement
+    mean_y: float = 0.0  # T
+    mean_z: float = 0.0  # T
+    square_y: float = 0.0  # T^2, mean squared deviation
+    square_z: float = 0.0  # T^2
+
+
+class InnovationMonitor(NamedTuple):
+    """How the readings of the magnetometers have fitted so far."""
+
+    mean_nis: float = 1.0
+    lost_time: float = 0.0  # s since it is too large
+    silent_time: float = 0.0  # s without a usable reading
+    search_delay: float = 0.0  # s until a hand out of reach is searched again
+    field: FieldStatistics = FieldStatistics()
+
+
+@inlined
+def is_lost(P: Array) -> bool:
+    """Whether the position is so uncertain that it is searched in the whole workspace."""
+    return bool(P[P_, P_] + P[P_ + 1, P_ + 1] + P[P_ + 2, P_ + 2] > LOST_SD**2)
 
 
 @inlined
@@ -63,7 +85,7 @@ def reset_position(s: NoiseModel, x: Array, P: Array, centre: Array, turn: float
 
 
 @inlined
-def compute_nis(s: NoiseModel, x: Array, P: Array, kinematics: Array, mag: Array) -> float:
+def compute_nis(s: NoiseModel, x: Array, P: Array, kinematics: Kinematics, mag: Array) -> float:
     """Normalised innovation squared a degree of freedom of the axes that answered, at least one."""
     rows = 3 * len(mag)
     H, innovation, noise = np.zeros((rows, len(P))), np.zeros(rows), np.zeros((rows, rows))
@@ -138,14 +160,20 @@ def field_strength(x: Array, away: float) -> float:
 
 
 @inlined
-def field_inhomogeneity(monitor: Array, x: Array, dt: float) -> float:
-    """Standard deviation of the field between positions, T, of the two components that readings and
-    gravity determine. Updates the monitor."""
-    monitor[FIELD_TIME] = min(monitor[FIELD_TIME] + dt, INHOMOGENEITY_MEMORY)
-    square, share = 0.0, dt / monitor[FIELD_TIME]
-    for i in range(2):
-        off = x[XB + 1 + i] - monitor[FIELD_MEAN + i]
-        monitor[FIELD_MEAN + i] += share * off
-        monitor[FIELD_SQUARE + i] += share * ((1.0 - share) * off * off - monitor[FIELD_SQUARE + i])
-        square += 0.5 * monitor[FIELD_SQUARE + i]
-    return math.sqrt(square)
+def field_inhomogeneity(
+    field: FieldStatistics, x: Array, dt: float
+) -> tuple[FieldStatistics, float]:
+    """Statistics with the field of state x, and the standard deviation of the field between
+    positions, T."""
+    time = min(field.time + dt, INHOMOGENEITY_MEMORY)
+    mean_y, square_y = moving_moments(field.mean_y, field.square_y, x[XB + 1], dt / time)
+    mean_z, square_z = moving_moments(field.mean_z, field.square_z, x[XB + 2], dt / time)
+    sd = math.sqrt(0.5 * square_y + 0.5 * square_z)
+    return FieldStatistics(time, mean_y, mean_z, square_y, square_z), sd
+
+
+@inlined
+def moving_moments(mean: float, square: float, value: float, share: float) -> tuple[float, float]:
+    """Mean and mean squared deviation with a new value that counts for a share."""
+    off = value - mean
+    return mean + share * off, square + share * ((1.0 - share) * off * off - square)

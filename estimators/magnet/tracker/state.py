@@ -106,57 +106,149 @@ def inject_error(x: Array, dx: Array) -> Array:
     return out
 
 
+class InertialSample(NamedTuple):
+    """Readings of trunk (base b) and hand (target t), each in its own axes."""
+
+    gyr_b: Array  # (3,) rad/s
+    acc_b: Array  # (3,) m/s^2
+    gyr_t: Array  # (3,) rad/s
+    acc_t: Array  # (3,) m/s^2
+
+
+class InertialInterval(NamedTuple):
+    """Readings at both ends of a step."""
+
+    before: InertialSample
+    now: InertialSample
+    dt: float  # s
+    noise_inflation: float  # factor on the noise where a sensor did not answer
+
+
+class Increments(NamedTuple):
+    """What the sensors measured over a step, without their biases."""
+
+    turn_b: Array  # (3,) rad
+    turn_t: Array  # (3,) rad
+    back_b: Array  # (3,) rad, the opposite turns
+    back_t: Array  # (3,) rad
+    f_b0: Array  # (3,) m/s^2, specific force before
+    f_b1: Array  # (3,) m/s^2, after
+    f_t0: Array  # (3,) m/s^2
+    f_t1: Array  # (3,) m/s^2
+
+
+class StepRotations(NamedTuple):
+    """Orientations before and after a step."""
+
+    C: Array  # (3, 3) base axes before to base axes after
+    U: Array  # (3, 3) the same of the target
+    R0: Array  # (3, 3) target to base, before
+    R1: Array  # (3, 3) the same, after
+    g0: Array  # (3,) m/s^2, what the base's accelerometer reads of gravity, before
+    g1: Array  # (3,) m/s^2, the same, after
+
+
+class Movement(NamedTuple):
+    """What the process noise of a step depends on."""
+
+    w_b: float  # rad/s, rate of the base
+    w_t: float  # rad/s, rate of the target
+    acceleration_square: float  # (m/s^2)^2, of both together
+    field_change: float  # T, by which the field across itself may differ at other positions
+    noise_inflation: float  # factor on the noise where a sensor did not answer
+
+
 @inlined
-def propagate_state(
-    s: NoiseModel, x: Array, before: Array, now: Array, dt: float, F: Array
-) -> Array:
-    """The state dt later and its Jacobian F (30, 30); readings (12,): gyroscope and accelerometer
-    of base, then of target. (5.19)-(5.22)"""
-    w_b, w_t, back_b, back_t = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    f_b0, f_t0, f_b1, f_t1 = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    for i in range(3):
-        mean_b = now[i] if s.mean_rates > 0.5 else 0.5 * (before[i] + now[i])
-        mean_t = now[6 + i] if s.mean_rates > 0.5 else 0.5 * (before[6 + i] + now[6 + i])
-        w_b[i], w_t[i] = (mean_b - x[XBG + i]) * dt, (mean_t - x[XTG + i]) * dt
-        back_b[i], back_t[i] = -w_b[i], -w_t[i]
-        f_b0[i], f_b1[i] = before[3 + i] - x[XBA + i], now[3 + i] - x[XBA + i]
-        f_t0[i], f_t1[i] = before[9 + i] - x[XTA + i], now[9 + i] - x[XTA + i]
-    one = np.zeros(4)
-    one[0] = 1.0
-    C = rotation_matrix(rotate_by(one, back_b, False))  # old base axes to new ones
-    R0 = rotation_matrix(x[XQ : XQ + 4])
-    out = x.copy()
+def inertial_sample(row: Array) -> InertialSample:
+    """Views of a row (12,) of samples."""
+    return InertialSample(row[0:3], row[3:6], row[6:9], row[9:12])
+
+
+@inlined
+def propagate_state(s: NoiseModel, x: Array, interval: InertialInterval, F: Array) -> Array:
+    """The state after an interval and its Jacobian F (30, 30). (5.19)-(5.22)"""
+    step, out = remove_biases(s, x, interval), x.copy()
     q_bt, q_gb = (
-        rotate_by(rotate_by(x[XQ : XQ + 4], back_b, True), w_t, False),
-        rotate_by(x[XGB : XGB + 4], w_b, False),
+        rotate_by(rotate_by(x[XQ : XQ + 4], step.back_b, True), step.turn_t, False),
+        rotate_by(x[XGB : XGB + 4], step.turn_b, False),
     )
-    R1 = rotation_matrix(q_bt)
-    a0, a1 = multiply_vector(R0, f_t0), multiply_vector(R1, f_t1)
-    up = np.zeros(3)
-    up[2] = s.gravity
-    g0: Array = multiply_transposed(rotation_matrix(x[XGB : XGB + 4]), up)
-    g1: Array = multiply_transposed(rotation_matrix(q_gb), up)
-    v, p, u = np.empty(3), np.empty(3), np.empty(3)
-    for i in range(3):
-        u[i] = x[XVB + i] + 0.5 * dt * (f_b0[i] - g0[i])
-        a0[i], a1[i] = a0[i] - f_b0[i], a1[i] - f_b1[i]  # (5.19): gravity is in both
-        v[i] = x[3 + i] + 0.5 * dt * a0[i]
-        p[i] = x[i] + dt * x[3 + i] + dt * dt / 3 * a0[i]
-    v, p, u = multiply_vector(C, v), multiply_vector(C, p), multiply_vector(C, u)
-    for i in range(3):
-        out[XVB + i] = u[i] + 0.5 * dt * (f_b1[i] - g1[i])
-        out[3 + i], out[i] = v[i] + 0.5 * dt * a1[i], p[i] + dt * dt / 6 * a1[i]
     for i in range(4):
         out[XQ + i], out[XGB + i] = q_bt[i], q_gb[i]
+    rotations = rotations_over(s, x, out, step)
+    integrate_accelerations(x, step, rotations, interval.dt, out)
     for i in range(OWN):
         for j in range(OWN):
             F[i, j] = 1.0 if i == j else 0.0
+    fill_translation_rows(out, step, rotations, interval.dt, F)
+    fill_rotation_rows(rotations, interval.dt, F)
+    return out
+
+
+@inlined
+def remove_biases(s: NoiseModel, x: Array, interval: InertialInterval) -> Increments:
+    """Turns over an interval and specific forces at both its ends."""
+    before, now, dt = interval.before, interval.now, interval.dt
+    w_b, w_t, back_b, back_t = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    f_b0, f_t0, f_b1, f_t1 = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for i in range(3):
+        mean_b = now.gyr_b[i] if s.mean_rates > 0.5 else 0.5 * (before.gyr_b[i] + now.gyr_b[i])
+        mean_t = now.gyr_t[i] if s.mean_rates > 0.5 else 0.5 * (before.gyr_t[i] + now.gyr_t[i])
+        w_b[i], w_t[i] = (mean_b - x[XBG + i]) * dt, (mean_t - x[XTG + i]) * dt
+        back_b[i], back_t[i] = -w_b[i], -w_t[i]
+        f_b0[i], f_b1[i] = before.acc_b[i] - x[XBA + i], now.acc_b[i] - x[XBA + i]
+        f_t0[i], f_t1[i] = before.acc_t[i] - x[XTA + i], now.acc_t[i] - x[XTA + i]
+    return Increments(w_b, w_t, back_b, back_t, f_b0, f_b1, f_t0, f_t1)
+
+
+@inlined
+def rotations_over(s: NoiseModel, x: Array, after: Array, step: Increments) -> StepRotations:
+    """Of a step from state x to a state whose orientations are those after it."""
+    one, up = np.zeros(4), np.zeros(3)
+    one[0], up[2] = 1.0, s.gravity
+    return StepRotations(
+        rotation_matrix(rotate_by(one, step.back_b, False)),
+        rotation_matrix(rotate_by(one, step.back_t, False)),
+        rotation_matrix(x[XQ : XQ + 4]),
+        rotation_matrix(after[XQ : XQ + 4]),
+        multiply_transposed(rotation_matrix(x[XGB : XGB + 4]), up),
+        multiply_transposed(rotation_matrix(after[XGB : XGB + 4]), up),
+    )
+
+
+@inlined
+def integrate_accelerations(
+    x: Array, step: Increments, rotations: StepRotations, dt: float, out: Array
+) -> None:
+    """Fill position and both velocities of the state after a step, by accelerations that change
+    linearly. (5.19), (5.22)"""
+    a0, a1 = multiply_vector(rotations.R0, step.f_t0), multiply_vector(rotations.R1, step.f_t1)
+    v, p, u = np.empty(3), np.empty(3), np.empty(3)
+    for i in range(3):
+        u[i] = x[XVB + i] + 0.5 * dt * (step.f_b0[i] - rotations.g0[i])
+        a0[i], a1[i] = a0[i] - step.f_b0[i], a1[i] - step.f_b1[i]  # (5.19): gravity is in both
+        v[i] = x[3 + i] + 0.5 * dt * a0[i]
+        p[i] = x[i] + dt * x[3 + i] + dt * dt / 3 * a0[i]
+    v, p, u = (
+        multiply_vector(rotations.C, v),
+        multiply_vector(rotations.C, p),
+        multiply_vector(rotations.C, u),
+    )
+    for i in range(3):
+        out[XVB + i] = u[i] + 0.5 * dt * (step.f_b1[i] - rotations.g1[i])
+        out[3 + i], out[i] = v[i] + 0.5 * dt * a1[i], p[i] + dt * dt / 6 * a1[i]
+
+
+@inlined
+def fill_translation_rows(
+    out: Array, step: Increments, rotations: StepRotations, dt: float, F: Array
+) -> None:
+    """Fill the rows of position and velocities of the Jacobian F; `out` is the state after."""
+    C, R, f = rotations.C, multiply_matrices(rotations.C, rotations.R0), np.empty(3)
     block(1.0, C, P_, P_, F)
     block(1.0, C, V_, V_, F)
     block(dt, C, P_, V_, F)
-    R, f = multiply_matrices(C, R0), np.empty(3)
     for i in range(3):
-        f[i] = 0.5 * (f_t0[i] + f_t1[i])
+        f[i] = 0.5 * (step.f_t0[i] + step.f_t1[i])
     push = multiply_matrices(R, skew(f))
     block(-dt, push, V_, TH, F)
     block(-0.5 * dt * dt, push, P_, TH, F)
@@ -167,29 +259,33 @@ def propagate_state(
     block(-dt, skew(out[0:3]), P_, BBG, F)
     block(-dt, skew(out[3:6]), V_, BBG, F)
     block(1.0, C, VB, VB, F)
-    block(-dt, multiply_matrices(C, skew(g0)), VB, THG, F)
+    block(-dt, multiply_matrices(C, skew(rotations.g0)), VB, THG, F)
     block(-dt, C, VB, BBA, F)
     block(-dt, skew(out[XVB : XVB + 3]), VB, BBG, F)
-    block(1.0, rotation_matrix(rotate_by(one, back_t, False)), TH, TH, F)
-    block(1.0, C, THG, THG, F)
-    for i in range(3):
-        F[TH + i, BTG + i] = F[THG + i, BBG + i] = -dt
-    block(dt, transpose(R1), TH, BBG, F)
-    return out
 
 
 @inlined
-def turn_rates(x: Array, now: Array) -> tuple[float, float]:
+def fill_rotation_rows(rotations: StepRotations, dt: float, F: Array) -> None:
+    """Fill the rows of both orientations of the Jacobian F."""
+    block(1.0, rotations.U, TH, TH, F)
+    block(1.0, rotations.C, THG, THG, F)
+    for i in range(3):
+        F[TH + i, BTG + i] = F[THG + i, BBG + i] = -dt
+    block(dt, transpose(rotations.R1), TH, BBG, F)
+
+
+@inlined
+def turn_rates(x: Array, now: InertialSample) -> tuple[float, float]:
     """Angular rates of base and target, rad/s."""
     base, target = 0.0, 0.0
     for i in range(3):
-        base += (now[i] - x[XBG + i]) ** 2
-        target += (now[6 + i] - x[XTG + i]) ** 2
+        base += (now.gyr_b[i] - x[XBG + i]) ** 2
+        target += (now.gyr_t[i] - x[XTG + i]) ** 2
     return math.sqrt(base), math.sqrt(target)
 
 
 @inlined
-def specific_force_square(s: NoiseModel, x: Array, now: Array) -> float:
+def specific_force_square(s: NoiseModel, x: Array, now: InertialSample) -> float:
     """Squared acceleration of base and target, (m/s^2)^2, both together."""
     R = rotation_matrix(x[XQ : XQ + 4])
     up, out = np.zeros(3), 0.0
@@ -197,40 +293,39 @@ def specific_force_square(s: NoiseModel, x: Array, now: Array) -> float:
     g_b: Array = multiply_transposed(rotation_matrix(x[XGB : XGB + 4]), up)
     g_t: Array = multiply_transposed(R, g_b)
     for i in range(3):
-        out += (now[3 + i] - x[XBA + i] - g_b[i]) ** 2 + (now[9 + i] - x[XTA + i] - g_t[i]) ** 2
+        base = now.acc_b[i] - x[XBA + i] - g_b[i]
+        target = now.acc_t[i] - x[XTA + i] - g_t[i]
+        out += base**2 + target**2
     return out
 
 
 @inlined
-def propagate_covariance(
-    s: NoiseModel,
-    P: Array,
-    F: Array,
-    dt: float,
-    w_b: float,
-    w_t: float,
-    acceleration_square: float,
-    field_change: float,
-    noise_inflation: float,
-) -> None:
+def propagate_covariance(s: NoiseModel, P: Array, F: Array, dt: float, movement: Movement) -> None:
     """The covariance dt later, in place. (5.6)
 
-    w_b, w_t: rates of base and target, rad/s; acceleration_square (m/s^2)^2; field_change T: how
-    far the field across itself may differ at other positions of the trunk; noise_inflation: factor
-    on the noise of sensors that did not answer. Scale and axis errors grow with what a sensor
-    reads: noise of constant size would blur the orientation of what does not turn.
+    Scale and axis errors grow with what a sensor reads: noise of constant size would blur the
+    orientation of what does not turn.
     """
-    carried, across = np.empty((OWN, OWN)), np.empty((OWN, len(P) - OWN))
+    carried = np.empty((OWN, OWN))
     spread(F, P, carried)
+    propagate_constant_errors(s, P, F, dt, movement.w_b)
+    put(carried, P[:OWN, :OWN])
+    add_gyroscope_noise(s, P, F, dt, movement)
+    add_acceleration_noise(s, P, dt, movement)
+    add_random_walks(s, P, F, dt, movement)
+
+
+@inlined
+def propagate_constant_errors(s: NoiseModel, P: Array, F: Array, dt: float, w_b: float) -> None:
+    """Covariances of the constant errors, with those of the motion errors, in place: calibrations
+    decorrelate as the trunk turns, gradients with time."""
+    across = np.empty((OWN, len(P) - OWN))
     product(F, P[:OWN, OWN:], across)
     mag_share, gradient_share = (
         math.exp(-w_b * dt / s.mag_correlation_angle),
         math.exp(-dt / GRADIENT_TIME),
     )
-    first, last = (
-        CAL - OWN,
-        CAL - OWN + (len(P) - CAL - 1) // 2,
-    )  # calibrations: they decorrelate as the trunk turns
+    first, last = CAL - OWN, CAL - OWN + (len(P) - CAL - 1) // 2  # calibrations
     for j in range(len(P) - OWN):
         share = (
             mag_share
@@ -242,22 +337,21 @@ def propagate_covariance(
         for i in range(OWN):
             P[i, OWN + j] = P[OWN + j, i] = share * across[i, j]
         if share < 1.0:
+            sd = s.mag_residual if first <= j < last else s.gradient
             for k in range(OWN, len(P)):
                 P[OWN + j, k] *= share
                 P[k, OWN + j] *= share
-            P[OWN + j, OWN + j] += (1.0 - share * share) * (
-                s.mag_residual if first <= j < last else s.gradient
-            ) ** 2
-    put(carried, P[:OWN, :OWN])
+            P[OWN + j, OWN + j] += (1.0 - share * share) * sd**2
+
+
+@inlined
+def add_gyroscope_noise(s: NoiseModel, P: Array, F: Array, dt: float, movement: Movement) -> None:
+    """One error of the base's gyroscope acts on p, v and both orientations."""
     gyr_b, gyr_t = (
-        noise_inflation * (s.gyr**2 + (s.gyr_moving * w_b) ** 2),
-        noise_inflation * (s.gyr**2 + (s.gyr_moving * w_t) ** 2),
+        movement.noise_inflation * (s.gyr**2 + (s.gyr_moving * movement.w_b) ** 2),
+        movement.noise_inflation * (s.gyr**2 + (s.gyr_moving * movement.w_t) ** 2),
     )
-    acc = (
-        2 * (noise_inflation * s.acc * s.acc + s.acc_slow * s.acc_slow)
-        + s.acc_moving_slow**2 * acceleration_square
-    )  # of both accelerometers; half is the base's
-    for i in range(OWN):  # one error of the base's gyroscope acts on p, v and both orientations
+    for i in range(OWN):
         for j in range(OWN):
             for k in range(3):
                 a = F[i, BBG + k] if not BBG <= i < VB else 0.0
@@ -265,6 +359,16 @@ def propagate_covariance(
                 P[i, j] += a * b * gyr_b / dt
     for i in range(3):
         P[TH + i, TH + i] += gyr_t * dt
+
+
+@inlined
+def add_acceleration_noise(s: NoiseModel, P: Array, dt: float, movement: Movement) -> None:
+    """Of both accelerometers on the relative velocity; half of it is the base's."""
+    acc = (
+        2 * (movement.noise_inflation * s.acc * s.acc + s.acc_slow * s.acc_slow)
+        + s.acc_moving_slow**2 * movement.acceleration_square
+    )
+    for i in range(3):
         P[V_ + i, V_ + i] += acc * dt
         P[P_ + i, P_ + i] += acc * dt**3 / 3
         P[P_ + i, V_ + i] += acc * dt**2 / 2
@@ -274,13 +378,19 @@ def propagate_covariance(
         P[V_ + i, VB + i] -= acc * dt / 2
         P[VB + i, P_ + i] -= acc * dt**2 / 4
         P[P_ + i, VB + i] -= acc * dt**2 / 4
+
+
+@inlined
+def add_random_walks(s: NoiseModel, P: Array, F: Array, dt: float, movement: Movement) -> None:
+    """Of the ambient field and the biases; across itself the field changes as the trunk turns."""
+    for i in range(3):
         P[B_ + i, B_ + i] += (
-            s.field_walk**2 * dt if i > 0 else (1.0 - F[B_, B_] ** 2) * field_change**2
+            s.field_walk**2 * dt if i > 0 else (1.0 - F[B_, B_] ** 2) * movement.field_change**2
         )
         P[BTG + i, BTG + i] += s.gyr_walk**2 * dt
         P[BBG + i, BBG + i] += s.gyr_walk**2 * dt
-        P[BTA + i, BTA + i] += (s.acc_walk**2 + s.acc_turned**2 * w_t) * dt
-        P[BBA + i, BBA + i] += (s.acc_walk**2 + s.acc_turned**2 * w_b) * dt
+        P[BTA + i, BTA + i] += (s.acc_walk**2 + s.acc_turned**2 * movement.w_t) * dt
+        P[BBA + i, BBA + i] += (s.acc_walk**2 + s.acc_turned**2 * movement.w_b) * dt
 
 
 @inlined

@@ -33,11 +33,20 @@ from handscope.estimators.magnet.tracker import initialisation as magnet_initial
 from handscope.estimators.magnet.tracker import standstill as magnet_standstill
 from handscope.estimators.magnet.tracker.history import Trace, make_trace, slice_trace
 from handscope.estimators.magnet.tracker.initialisation import Setup
-from handscope.estimators.magnet.tracker.latency import KINEMATICS_SIZE
-from handscope.estimators.magnet.tracker.monitor import LOST_SD, MONITOR_SIZE
+from handscope.estimators.magnet.tracker.latency import (
+    Kinematics,
+    copy_kinematics,
+    start_kinematics,
+)
+from handscope.estimators.magnet.tracker.monitor import LOST_SD, InnovationMonitor
 from handscope.estimators.magnet.tracker.options import DEG, MagnetParams, noise_model
 from handscope.estimators.magnet.tracker.state import OWN, P_, TH, THG, V_, XB, XGB, XM, XQ
-from handscope.estimators.magnet.tracker.update_cycle import run_filter
+from handscope.estimators.magnet.tracker.update_cycle import (
+    FilterInputs,
+    FilterOutputs,
+    FilterState,
+    run_filter,
+)
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array, Bools
@@ -68,9 +77,9 @@ class State:
     setup: Setup
     x: Array | None  # (45 + 6 magnetometers,), state.py; None before the first complete sample
     covariance: Array  # (43 + 6 magnetometers,) squared
-    monitor: Array  # (9,), monitor.py
+    monitor: InnovationMonitor
     newest: Array  # (12,) last good inertial readings
-    kinematics: Array  # (22 + magnetometers,), latency.py
+    kinematics: Kinematics
     recent: Array  # (m, 12 + 3 magnetometers) for the standstill test
     noise_samples: Array | None  # (m, magnetometers, 3) T, until their noise is measured; then None
     noise: float = 0.0  # uT, where it exceeds the declared noise
@@ -112,9 +121,9 @@ def start(setup: Setup) -> State:
         setup,
         None,
         np.empty((0, 0)),
-        np.concatenate([[1.0], np.zeros(MONITOR_SIZE - 1)]),
+        InnovationMonitor(),
         np.full(12, np.nan),
-        np.zeros(KINEMATICS_SIZE + len(setup.array)),
+        start_kinematics(len(setup.array)),
         np.empty((0, 12 + setup.array.places.size)),
         np.empty((0, len(setup.array), 3)),
     )
@@ -180,7 +189,7 @@ def _apply_noise(params: MagnetParams, state: State, noise_samples: Array) -> St
         noise = 0.0
     if not noise > max(state.noise, params.mag_noise):
         return replace(state, noise_samples=more, noise=noise)
-    monitor = np.concatenate([[1.0], state.monitor[1:]])
+    monitor = state.monitor._replace(mean_nis=1.0)
     return replace(state, noise_samples=more, noise=noise, monitor=monitor, contradicted=-np.inf)
 
 
@@ -262,33 +271,24 @@ def _advance(
         params.still_acc,
         1e-6 * params.mag_noise,
     )
-    x, P, monitor, newest, kinematics = (
-        x.copy(),
-        P.copy(),
-        state.monitor.copy(),
-        state.newest.copy(),
-        state.kinematics.copy(),
+    rows, setup = n - first, state.setup
+    begin = FilterState(
+        x.copy(), P.copy(), state.newest.copy(), copy_kinematics(state.kinematics), state.monitor
     )
-    rows = n - first
-    states, variances, mean_nis = np.empty((rows, len(x))), np.empty((rows, len(P))), np.empty(rows)
-    dts = np.diff(readings.t[first:], prepend=state.t)
-    setup = state.setup
-    x = run_filter(
-        noise_model(params, magnet_initialisation.array_span(array)),
-        magnet_initialisation.workspace_centre(setup),
-        x,
-        P,
-        monitor,
-        newest,
-        kinematics,
-        dts,
+    inputs = FilterInputs(
+        np.diff(readings.t[first:], prepend=state.t),
         np.ascontiguousarray(samples[first:]),
         np.ascontiguousarray(mag_b[first:]),
-        _reading_ages(readings)[first:],
-        still.astype(float),
-        states,
-        variances,
-        mean_nis,
+        np.ascontiguousarray(_reading_ages(readings)[first:]),
+        still,
+    )
+    outputs = FilterOutputs(np.empty((rows, len(x))), np.empty((rows, len(P))), np.empty(rows))
+    end = run_filter(
+        noise_model(params, magnet_initialisation.array_span(array)),
+        magnet_initialisation.workspace_centre(setup),
+        begin,
+        inputs,
+        outputs,
         slice_trace(trace, slice(first, None)) or make_trace(0, len(x)),
     )
     t = float(readings.t[-1]) if n else state.t
@@ -297,9 +297,7 @@ def _advance(
         setup,
         readings,
         first,
-        states,
-        np.sqrt(np.maximum(variances, 0.0)),
-        mean_nis,
+        outputs,
         saturated,
         still,
         mag,
@@ -312,11 +310,11 @@ def _advance(
     )
     state = replace(
         state,
-        x=x,
-        covariance=P,
-        monitor=monitor,
-        newest=newest,
-        kinematics=kinematics,
+        x=end.x,
+        covariance=end.P,
+        monitor=end.monitor,
+        newest=end.newest,
+        kinematics=end.kinematics,
         recent=window,
         t=t,
     )
@@ -373,14 +371,13 @@ def _to_track(
     setup: Setup,
     readings: Readings,
     first: int,
-    x: Array,
-    sd: Array,
-    mean_nis: Array,
+    outputs: FilterOutputs,
     saturated: Bools,
     still: Bools,
     mag: Array,
 ) -> Track:
-    field = x[:, XB : XB + 3]
+    x, mean_nis = outputs.x, outputs.mean_nis
+    sd, field = np.sqrt(np.maximum(outputs.variance, 0.0)), x[:, XB : XB + 3]
     sds = magnet_initialisation.declared_sds(params, setup)
     deviations = np.abs(x[:, XM:] - magnet_initialisation.declared_values(setup)) / sds
     p_value = deviation_p_value(deviations[:, :-1], sd[:, OWN:-1] / sds[:-1])

@@ -5,6 +5,7 @@ Source  Kortier, thesis ch. 5, Fig. 5.3, (5.18)
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,14 +16,14 @@ from handscope.estimators.magnet.tracker.history import (
     store_prediction,
     store_update,
 )
-from handscope.estimators.magnet.tracker.inertial_updates import inertial_update
+from handscope.estimators.magnet.tracker.inertial_updates import Standstill, inertial_update
 from handscope.estimators.magnet.tracker.latency import (
-    KINEMATICS_SIZE,
-    LATENCY_MODE,
+    Kinematics,
     latency_mode,
     predict_kinematics,
     schmidt_update,
     smooth_velocity,
+    with_latency_mode,
 )
 from handscope.estimators.magnet.tracker.magnetic_update import (
     EVIDENCE,
@@ -33,25 +34,24 @@ from handscope.estimators.magnet.tracker.magnetic_update import (
 )
 from handscope.estimators.magnet.tracker.measurement_model import (
     count_axes,
+    magnetometers,
     predict_delayed_reading,
 )
 from handscope.estimators.magnet.tracker.monitor import (
     LOST_NIS,
     LOST_SD,
-    LOST_TIME,
     LOST_TURN_SD,
     MAX_SD_SHARE,
     MAX_SD_SHARE_LOST,
-    MEAN_NIS,
     MIN_SIGNAL,
     MIN_SIGNAL_LOST,
     NIS_GATE,
-    SEARCH_DELAY,
-    SILENT_TIME,
+    InnovationMonitor,
     compute_nis,
     error_correlation_samples,
     field_inhomogeneity,
     field_strength,
+    is_lost,
     is_observable,
     linearisation_variance,
     nearest_distance,
@@ -71,7 +71,10 @@ from handscope.estimators.magnet.tracker.state import (
     XG,
     XL,
     XM,
+    InertialInterval,
+    Movement,
     NoiseModel,
+    inertial_sample,
     inject_error,
     propagate_covariance,
     propagate_state,
@@ -82,13 +85,66 @@ from handscope.estimators.magnet.tracker.state import (
 from handscope.estimators.numerics.jit import inlined, looped
 from handscope.estimators.numerics.kalman import correct
 from handscope.estimators.numerics.small_matrices import put
-from handscope.estimators.numerics.typing import Array
+from handscope.estimators.numerics.typing import Array, Bools
 
 NEGLIGIBLE_SHARE = 0.05  # share of a reading's variance that changes nothing
 FIELD_ERROR_TIME = 1.0  # s, correlation time of the field of an untracked magnet
 MEMORY = 0.5  # s over which NIS is averaged
 MAX_COUNTED_TIME = 0.1  # s that one reading counts at most
+SILENT_INFLATION = 1e4  # factor on the noise of sensors of which one did not answer
 SEARCH_INTERVAL = 0.2  # s between searches without signal
+
+
+class FilterState(NamedTuple):
+    """What the loop needs of the samples before. Arrays are updated in place, but for x."""
+
+    x: Array  # (45 + 6 L,) state
+    P: Array  # (43 + 6 L, 43 + 6 L) covariance of its errors
+    newest: Array  # (12,) last good inertial readings
+    kinematics: Kinematics
+    monitor: InnovationMonitor
+
+
+class FilterInputs(NamedTuple):
+    """Of n samples."""
+
+    dt: Array  # (n,) s since the sample before
+    inertial: Array  # (n, 12) NaN where a sensor did not answer
+    mag: Array  # (n, L, 3) T, base axes
+    age: Array  # (n, L) s of the readings
+    still: Bools  # (n, 2) base, target
+
+
+class Sample(NamedTuple):
+    """One of them."""
+
+    interval: InertialInterval
+    mag: Array  # (L, 3) T
+    still: Standstill
+
+
+class FilterOutputs(NamedTuple):
+    """Of n samples, to be filled."""
+
+    x: Array  # (n, 45 + 6 L)
+    variance: Array  # (n, 43 + 6 L)
+    mean_nis: Array  # (n,)
+
+
+class Candidate(NamedTuple):
+    """The best of several positions that readings point to."""
+
+    dx: Array  # (errors,)
+    cost: float  # normalised innovation squared
+    is_disputed: bool  # another is nearly as good
+
+
+class MagneticOutcome(NamedTuple):
+    """Of an update by magnetometers."""
+
+    cost: float  # normalised innovation squared of all readings
+    is_relocated: bool
+    is_detected: bool
 
 
 @inlined
@@ -96,70 +152,82 @@ def magnetic_update(
     s: NoiseModel,
     x: Array,
     P: Array,
-    kinematics: Array,
+    kinematics: Kinematics,
     mag: Array,
     centre: Array,
     variance_scale: float,
     dt: float,
-    outcome: Array,
-) -> Array:
+) -> tuple[Array, MagneticOutcome]:
     """Magnetic update in place, from the filter's position or, if that is lost, from where the
-    readings point. Returns the state; fills outcome (3,): NIS of all readings, whether the hand was
-    relocated, whether it is detected."""
-    lost, disputed, candidate_cost = P[0, 0] + P[1, 1] + P[2, 2] > LOST_SD**2, False, math.inf
+    readings point. Returns the state."""
+    lost, is_relocated, candidate = is_lost(P), False, Candidate(x, math.inf, False)
     if lost:
-        start, cost = gauss_newton_from(
-            s, x, P, kinematics, np.zeros(len(P)), mag, 1.0, np.empty((3 * len(mag), len(P)))
-        )
-        candidate, candidate_cost, disputed = best_candidate(
-            s, x, P, kinematics, candidate_positions(s, x, P, mag, centre), mag
-        )
-        if candidate_cost < cost - EVIDENCE:  # a wrong prior would lead back
-            restarted = inject_error(x, candidate)
-            reset_position(s, x, P, restarted[0:3], 0.0)
-            start, variance_scale, outcome[1] = np.zeros(len(P)), 1.0, 1.0
-        dx, C, cost = global_update(s, x, P, kinematics, start, mag, variance_scale)
+        start, candidate, is_relocated = search_position(s, x, P, kinematics, mag, centre)
+        scale = 1.0 if is_relocated else variance_scale
+        dx, C, cost = global_update(s, x, P, kinematics, start, mag, scale)
     else:
-        dx, C, cost = iterated_update(s, x, P, kinematics, mag, variance_scale)
-        more = (
-            linearisation_variance(inject_error(x, dx), C)
-            * error_correlation_samples(C, dt)
-            / s.mag**2
-        )
-        if more > NEGLIGIBLE_SHARE:
-            dx, C, cost = iterated_update(s, x, P, kinematics, mag, variance_scale + more)
+        dx, C, cost = tracked_update(s, x, P, kinematics, mag, variance_scale, dt)
     schmidt_update(kinematics, P, dx, C)
     out: Array = inject_error(x, dx)
-    outcome[0] = min(cost, candidate_cost)
-    known = (
-        not disputed
-        and cost < NIS_GATE * 3 * len(mag)
-        and is_observable(
-            s,
-            out,
-            C,
-            MIN_SIGNAL_LOST if lost else MIN_SIGNAL,
-            MAX_SD_SHARE_LOST if lost else MAX_SD_SHARE,
-        )
-    )
-    outcome[2] = (
-        1.0 if field_strength(out, nearest_distance(out)) > MIN_SIGNAL_LOST * s.single else 0.0
-    )
-    if disputed and outcome[2] > 0.5:  # detected, but ambiguous until it moves
+    fits = not candidate.is_disputed and cost < NIS_GATE * 3 * len(mag)
+    signal, share = MIN_SIGNAL, MAX_SD_SHARE
+    if lost:
+        signal, share = MIN_SIGNAL_LOST, MAX_SD_SHARE_LOST
+    is_detected = field_strength(out, nearest_distance(out)) > MIN_SIGNAL_LOST * s.single
+    if candidate.is_disputed and is_detected:  # ambiguous until it moves
         out = x.copy()
-    elif not known:
-        out = update_without_magnet(s, x, P, kinematics, mag, dt)
-    else:
+    elif fits and is_observable(s, out, C, signal, share):
         put(C, P)
-    return out
+    else:
+        out = update_without_magnet(s, x, P, kinematics, mag, dt)
+    return out, MagneticOutcome(min(cost, candidate.cost), is_relocated, is_detected)
+
+
+@inlined
+def search_position(
+    s: NoiseModel, x: Array, P: Array, kinematics: Kinematics, mag: Array, centre: Array
+) -> tuple[Array, Candidate, bool]:
+    """Error from which to update a lost position, the best candidate of the workspace, and whether
+    the hand was relocated there: x and P forget the position before, a wrong prior that would lead
+    back."""
+    start, cost = gauss_newton_from(
+        s, x, P, kinematics, np.zeros(len(P)), mag, 1.0, np.empty((3 * len(mag), len(P)))
+    )
+    candidate = best_candidate(s, x, P, kinematics, candidate_positions(s, x, P, mag, centre), mag)
+    is_better = candidate.cost < cost - EVIDENCE
+    if is_better:
+        relocated = inject_error(x, candidate.dx)
+        reset_position(s, x, P, relocated[0:3], 0.0)
+        start = np.zeros(len(P))
+    return start, candidate, is_better
+
+
+@inlined
+def tracked_update(
+    s: NoiseModel,
+    x: Array,
+    P: Array,
+    kinematics: Kinematics,
+    mag: Array,
+    variance_scale: float,
+    dt: float,
+) -> tuple[Array, Array, float]:
+    """Update of a known position; repeated with more noise where the field's second-order term
+    counts."""
+    dx, C, cost = iterated_update(s, x, P, kinematics, mag, variance_scale)
+    more = (
+        linearisation_variance(inject_error(x, dx), C) * error_correlation_samples(C, dt) / s.mag**2
+    )
+    if more > NEGLIGIBLE_SHARE:
+        dx, C, cost = iterated_update(s, x, P, kinematics, mag, variance_scale + more)
+    return dx, C, cost
 
 
 @inlined
 def best_candidate(
-    s: NoiseModel, x: Array, P: Array, kinematics: Array, starts: Array, mag: Array
-) -> tuple[Array, float, bool]:
-    """Of the solutions from starts (n, errors) the best, its cost, and whether another is nearly as
-    good."""
+    s: NoiseModel, x: Array, P: Array, kinematics: Kinematics, starts: Array, mag: Array
+) -> Candidate:
+    """Of the solutions from starts (n, errors) the best."""
     n = len(starts)
     ends, costs, best, disputed = np.empty(starts.shape), np.empty(n), 0, False
     W = np.empty((3 * len(mag), len(P)))
@@ -172,48 +240,53 @@ def best_candidate(
         for i in range(3):
             separation += (ends[k, i] - ends[best, i]) ** 2
         disputed = disputed or (separation > LOST_SD**2 and costs[k] < costs[best] + EVIDENCE)
-    return ends[best], costs[best], disputed
+    return Candidate(ends[best], costs[best], disputed)
 
 
 @inlined
 def update_without_magnet(
-    s: NoiseModel, x: Array, P: Array, kinematics: Array, mag: Array, dt: float
+    s: NoiseModel, x: Array, P: Array, kinematics: Kinematics, mag: Array, dt: float
 ) -> Array:
     """Update with the ambient field alone, in place, the magnet's field a correlated error of
     `FIELD_ERROR_TIME`: as white noise it would soon be estimated as ambient. Returns the state;
     unchanged where that does not fit either."""
-    H, h, far = np.zeros((3 * len(mag), len(P))), np.zeros((3, len(P))), x.copy()
-    innovation, noise, dx, C = (
-        np.zeros(len(H)),
-        np.zeros((len(H), len(H))),
-        np.empty(len(P)),
-        P.copy(),
-    )
-    for i in range(3):
-        far[XM + i] = 0.0
+    rows = 3 * len(mag)
+    H, innovation, noise = np.zeros((rows, len(P))), np.zeros(rows), np.zeros((rows, rows))
+    ambient_innovations(x, kinematics, mag, H, innovation)
     own = (
         4
         * min(field_strength(x, nearest_distance(x)) ** 2, MIN_SIGNAL_LOST**2 * s.single**2)
         * max(1.0, FIELD_ERROR_TIME / dt)
     )  # a stronger one would have been located
-    for k in range(len(mag)):
-        reads = predict_delayed_reading(far, kinematics, k, h)
-        there = not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2])
-        for i in range(3):
-            row = 3 * k + i
-            noise[row, row], innovation[row] = (
-                s.single**2 + own,
-                mag[k, i] - reads[i] if there else 0.0,
-            )
-            for j in range(len(P)):
-                H[row, j] = (
-                    h[i, j] if there and (j < P_ + 3 or j >= TH) and not MOM <= j < MOM + 3 else 0.0
-                )
+    for row in range(rows):
+        noise[row, row] = s.single**2 + own
+    dx, C = np.empty(len(P)), P.copy()
     if correct(C, innovation, H, noise, dx) > NIS_GATE * len(H):
         return x
     put(C, P)
     out: Array = inject_error(x, dx)
     return out
+
+
+@inlined
+def ambient_innovations(
+    x: Array, kinematics: Kinematics, mag: Array, H: Array, innovation: Array
+) -> None:
+    """Fill innovations and Jacobian of readings of a state without its magnet; zeros where a
+    magnetometer did not answer."""
+    h, far = np.zeros((3, H.shape[1])), x.copy()
+    for i in range(3):
+        far[XM + i] = 0.0
+    for k in range(len(mag)):
+        reads = predict_delayed_reading(far, kinematics, k, h)
+        there = not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2])
+        for i in range(3):
+            row = 3 * k + i
+            innovation[row] = mag[k, i] - reads[i] if there else 0.0
+            for j in range(H.shape[1]):
+                H[row, j] = (
+                    h[i, j] if there and (j < P_ + 3 or j >= TH) and not MOM <= j < MOM + 3 else 0.0
+                )
 
 
 @inlined
@@ -223,21 +296,18 @@ def workspace_pseudo_measurement(
     """An arm's length and speed are bounded; keeps the filter in its workspace where the magnet
     does not. (5.18)"""
     size, before = len(P), P.copy()
-    dx, H = np.zeros(size), np.zeros(size)
-    outside = False
+    dx, H, outside = np.zeros(size), np.zeros(size), False
     for i in range(3):
         outside = outside or abs(x[i] - centre[i]) > s.reach
     for i in range(3):
         if P[P_ + i, P_ + i] > s.reach**2 / 3:
-            for j in range(size):
-                H[j] = 0.0
             H[P_ + i] = 1.0
             scalar_update(P, dx, H, centre[i] - x[i], s.reach**2 / 3 / dt)  # once a second
+            H[P_ + i] = 0.0
         if outside or P[V_ + i, V_ + i] > s.reach_speed**2:
-            for j in range(size):
-                H[j] = 0.0
             H[V_ + i] = 1.0
             scalar_update(P, dx, H, -x[3 + i], s.reach_speed**2 * s.acc_correlation_time / dt)
+            H[V_ + i] = 0.0
     for i in range(6, size):  # a bound, no measurement: only position and velocity are updated
         dx[i] = 0.0
         for j in range(6, size):
@@ -246,127 +316,197 @@ def workspace_pseudo_measurement(
     return out
 
 
-@looped
-def run_filter(
+@inlined
+def fill_gaps(read: Array, newest: Array, row: Array) -> float:
+    """Fill a row (12,) with what was read, or with the newest readings where a sensor did not
+    answer; returns the factor on the noise."""
+    inflation = 1.0
+    for i in range(12):
+        row[i] = read[i]
+        if math.isnan(row[i]):
+            row[i], inflation = newest[i], SILENT_INFLATION
+    return inflation
+
+
+@inlined
+def time_update(
     s: NoiseModel,
     centre: Array,
     x: Array,
     P: Array,
-    monitor: Array,
-    before: Array,
-    kinematics: Array,
-    dts: Array,
-    samples: Array,
-    mags: Array,
-    ages: Array,
-    still: Array,
-    states: Array,
-    variances: Array,
-    mean_nis: Array,
-    trace: Trace,
-) -> Array:
-    """Filter samples (n, 12) with magnetometers (n, magnetometers, 3) in base axes, their ages (n,
-    magnetometers) and standstill (n, 2); fill states (n, ...), variances (n, ...), mean_nis (n,),
-    and the trace if it has rows. P, monitor, `before` (last good readings) and kinematics are
-    updated in place; returns the state."""
-    F, now, outcome, own, lasting = (
-        np.zeros((OWN, OWN)),
-        np.zeros(12),
-        np.zeros(3),
-        np.empty((OWN, OWN)),
-        np.empty((OWN, OWN)),
+    F: Array,
+    interval: InertialInterval,
+    monitor: InnovationMonitor,
+) -> tuple[Array, InnovationMonitor]:
+    """Propagate over an interval: the state is returned, P and its Jacobian F change in place. A
+    gap forgets position, velocities and headings."""
+    dt = interval.dt
+    if dt > s.max_gap:
+        reset_position(s, x, P, centre, 1.5 * LOST_TURN_SD)
+        for i in range(3):
+            P[THG + i, THG + i] += LOST_TURN_SD**2
+            P[VB + i, VB + i] += s.trunk_speed**2
+    elif dt > 0:
+        x = propagate_state(s, x, interval, F)
+        w_b, w_t = turn_rates(x, interval.now)
+        F[B_, B_] = math.exp(-w_b * dt / s.mag_correlation_angle)  # g turns with the field
+        decorrelate_fields(x, F[B_, B_], dt)
+        field, across = field_inhomogeneity(monitor.field, x, dt)
+        square = specific_force_square(s, x, interval.now)
+        movement = Movement(w_b, w_t, square, max(s.field_across, across), interval.noise_inflation)
+        propagate_covariance(s, P, F, dt, movement)
+        monitor = InnovationMonitor(
+            monitor.mean_nis, monitor.lost_time, monitor.silent_time, monitor.search_delay, field
+        )
+    return x, monitor
+
+
+@inlined
+def decorrelate_fields(x: Array, share: float, dt: float) -> None:
+    """Field across itself and calibrations, by what the trunk's turning leaves; gradients by time."""
+    x[XB] *= share
+    for i in range(3 * magnetometers(x)):
+        x[XL + i] *= share
+    for i in range(5):
+        x[XG + i] *= math.exp(-dt / GRADIENT_TIME)
+
+
+@inlined
+def follow_kinematics(
+    s: NoiseModel,
+    x: Array,
+    P: Array,
+    v: Array,
+    kinematics: Kinematics,
+    interval: InertialInterval,
+    age: Array,
+) -> Kinematics:
+    """Kinematics with a sample; v (3,) is the velocity of the state before, x the state now."""
+    dt = interval.dt if 0 < interval.dt <= s.max_gap else 0.0
+    predict_kinematics(kinematics, interval.now, dt)
+    smooth_velocity(kinematics, x, P, v, dt)
+    for k in range(len(age)):
+        kinematics.age[k] = age[k]
+    out: Kinematics = with_latency_mode(kinematics, latency_mode(kinematics, P, is_lost(P)))
+    return out
+
+
+@inlined
+def measurement_update(
+    s: NoiseModel,
+    centre: Array,
+    x: Array,
+    P: Array,
+    kinematics: Kinematics,
+    sample: Sample,
+    monitor: InnovationMonitor,
+) -> tuple[Array, InnovationMonitor, bool]:
+    """All updates from a sample's readings: state, monitor, and whether the hand was relocated; P
+    in place."""
+    interval, lost = sample.interval, is_lost(P)
+    dt = min(max(interval.dt, 1e-3), s.max_gap)
+    x, monitor, is_relocated = magnetometer_update(
+        s, centre, x, P, kinematics, sample.mag, monitor, dt
     )
-    make_trace = len(trace.state) > 0
-    if make_trace:
+    if interval.noise_inflation < 2.0:
+        x = inertial_update(s, x, P, interval.now, sample.still, lost, dt)
+    x = workspace_pseudo_measurement(s, x, P, centre, dt)
+    return x, monitor, is_relocated
+
+
+@inlined
+def magnetometer_update(
+    s: NoiseModel,
+    centre: Array,
+    x: Array,
+    P: Array,
+    kinematics: Kinematics,
+    mag: Array,
+    monitor: InnovationMonitor,
+    dt: float,
+) -> tuple[Array, InnovationMonitor, bool]:
+    """Update by the magnetometers that answered, unless they contradict a known position; without
+    signal a lost one is searched for now and then."""
+    lost, is_relocated = is_lost(P), False
+    delay, silent_time = monitor.search_delay - dt if lost else 0.0, monitor.silent_time + dt
+    count = count_axes(mag) if delay <= 0.0 else 0
+    if count == 0:
+        mean, lost_time = monitor.mean_nis, monitor.lost_time
+        return x, InnovationMonitor(mean, lost_time, silent_time, delay, monitor.field), False
+    nis = 0.0 if lost else compute_nis(s, x, P, kinematics, mag)
+    since = min(silent_time, 0.2)
+    if nis < NIS_GATE or lost:
+        scale = max(1.0, monitor.mean_nis / s.nis_limit)
+        x, outcome = magnetic_update(s, x, P, kinematics, mag, centre, scale, since)
+        is_relocated = outcome.is_relocated
+        if lost:  # no prediction before it is located: the residual of the best position counts
+            nis, delay = outcome.cost / count, 0.0 if outcome.is_detected else SEARCH_INTERVAL
+    mean, lost_time = average_nis(monitor, nis, since)
+    if lost_time > MEMORY:
+        reset_position(s, x, P, centre, LOST_TURN_SD)
+        lost_time, is_relocated = 0.0, True
+    return x, InnovationMonitor(mean, lost_time, 0.0, delay, monitor.field), is_relocated
+
+
+@inlined
+def average_nis(monitor: InnovationMonitor, nis: float, since: float) -> tuple[float, float]:
+    """Mean of the normalised innovation squared with a reading that counts for `since` s, and for
+    how long it has been too large, s."""
+    mean = monitor.mean_nis
+    mean += min(since, MAX_COUNTED_TIME) / MEMORY * (min(nis, 100.0) - mean)
+    return mean, monitor.lost_time + since if mean > LOST_NIS else 0.0
+
+
+@inlined
+def store_outputs(
+    outputs: FilterOutputs, n: int, x: Array, P: Array, mean_nis: float, nis_limit: float
+) -> None:
+    """Fill the outputs of sample n; P is made symmetric."""
+    for i in range(len(P)):
+        for j in range(i):
+            mean = 0.5 * (P[i, j] + P[j, i])
+            P[i, j] = P[j, i] = mean
+        outputs.variance[n, i] = P[i, i] * max(1.0, mean_nis / nis_limit)
+    for i in range(len(x)):
+        outputs.x[n, i] = x[i]
+    outputs.mean_nis[n] = mean_nis
+
+
+@looped
+def run_filter(
+    s: NoiseModel,
+    centre: Array,
+    state: FilterState,
+    inputs: FilterInputs,
+    outputs: FilterOutputs,
+    trace: Trace,
+) -> FilterState:
+    """Filter all samples; fill the outputs, and the trace if it has rows. `centre` (3,) is the
+    workspace's, base axes. Returns the state after the last sample."""
+    x, P, kinematics, monitor = state.x, state.P, state.kinematics, state.monitor
+    F, own, lasting = np.zeros((OWN, OWN)), np.empty((OWN, OWN)), np.empty((OWN, OWN))
+    row, smoothed = np.zeros(12), len(trace.state) > 0
+    if smoothed:
         split_covariance(P, own, lasting)
-    for n in range(len(samples)):
-        dt, noise_inflation, v = dts[n], 1.0, x[3:6].copy()
-        outcome[1] = 0.0 if 0 < dt <= s.max_gap else 1.0
-        for i in range(12):
-            now[i] = samples[n, i]
-            if math.isnan(now[i]):
-                now[i], noise_inflation = before[i], 1e4
-        if dt > s.max_gap:
-            reset_position(s, x, P, centre, 1.5 * LOST_TURN_SD)
-            for i in range(3):
-                P[THG + i, THG + i] += LOST_TURN_SD**2
-                P[VB + i, VB + i] += s.trunk_speed**2
-        elif dt > 0:
-            x = propagate_state(s, x, before, now, dt, F)
-            w_b, w_t = turn_rates(x, now)
-            F[B_, B_] = math.exp(-w_b * dt / s.mag_correlation_angle)  # g turns with the field
-            x[XB] *= F[B_, B_]
-            for i in range(3 * len(mags[n])):  # calibration residuals decorrelate
-                x[XL + i] *= F[B_, B_]
-            for i in range(5):
-                x[XG + i] *= math.exp(-dt / GRADIENT_TIME)
-            propagate_covariance(
-                s,
-                P,
-                F,
-                dt,
-                w_b,
-                w_t,
-                specific_force_square(s, x, now),
-                max(s.field_across, field_inhomogeneity(monitor, x, dt)),
-                noise_inflation,
-            )
-        if make_trace:
+    for n in range(len(inputs.dt)):
+        inflation = fill_gaps(inputs.inertial[n], state.newest, row)
+        interval = InertialInterval(
+            inertial_sample(state.newest), inertial_sample(row), inputs.dt[n], inflation
+        )
+        v = x[3:6].copy()
+        x, monitor = time_update(s, centre, x, P, F, interval, monitor)
+        if smoothed:
             store_prediction(trace, n, x, P, F, own, lasting)
-        predict_kinematics(kinematics, now, dt if 0 < dt <= s.max_gap else 0.0)
-        smooth_velocity(kinematics, x, P, v, dt if 0 < dt <= s.max_gap else 0.0)
+        kinematics = follow_kinematics(s, x, P, v, kinematics, interval, inputs.age[n])
         for i in range(12):
-            before[i] = now[i]
-        for k in range(len(mags[n])):
-            kinematics[KINEMATICS_SIZE + k] = ages[n, k]
-        step = min(max(dt, 1e-3), s.max_gap)
-        wide = P[0, 0] + P[1, 1] + P[2, 2] > LOST_SD**2
-        kinematics[LATENCY_MODE] = latency_mode(kinematics, P, wide)
-        monitor[SEARCH_DELAY] = monitor[SEARCH_DELAY] - step if wide else 0.0
-        count = count_axes(mags[n]) if monitor[SEARCH_DELAY] <= 0.0 else 0
-        if count:
-            new = 0.0 if wide else compute_nis(s, x, P, kinematics, mags[n])
-            since = min(monitor[SILENT_TIME] + step, 0.2)
-            monitor[SILENT_TIME] = 0.0
-            if new < NIS_GATE or wide:
-                x = magnetic_update(
-                    s,
-                    x,
-                    P,
-                    kinematics,
-                    mags[n],
-                    centre,
-                    max(1.0, monitor[MEAN_NIS] / s.nis_limit),
-                    since,
-                    outcome,
-                )
-            if wide:  # no prediction before it is located: the residual of the best position counts
-                new, monitor[SEARCH_DELAY] = (
-                    outcome[0] / count,
-                    SEARCH_INTERVAL * (1.0 - outcome[2]),
-                )
-            monitor[MEAN_NIS] += (
-                min(since, MAX_COUNTED_TIME) / MEMORY * (min(new, 100.0) - monitor[MEAN_NIS])
-            )
-            monitor[LOST_TIME] = monitor[LOST_TIME] + since if monitor[MEAN_NIS] > LOST_NIS else 0.0
-            if monitor[LOST_TIME] > MEMORY:
-                reset_position(s, x, P, centre, LOST_TURN_SD)
-                monitor[LOST_TIME], outcome[1] = 0.0, 1.0
-        else:
-            monitor[SILENT_TIME] += step
-        if noise_inflation < 2.0:
-            x = inertial_update(s, x, P, now, still[n, 0] > 0.5, still[n, 1] > 0.5, wide, step)
-        x = workspace_pseudo_measurement(s, x, P, centre, step)
-        for i in range(len(P)):
-            for j in range(i):
-                mean = 0.5 * (P[i, j] + P[j, i])
-                P[i, j] = P[j, i] = mean
-            variances[n, i] = P[i, i] * max(1.0, monitor[MEAN_NIS] / s.nis_limit)
-        for i in range(len(x)):
-            states[n, i] = x[i]
-        mean_nis[n] = monitor[MEAN_NIS]
-        if make_trace:
-            if outcome[1] > 0.5:
+            state.newest[i] = row[i]
+        still = Standstill(inputs.still[n, 0], inputs.still[n, 1])
+        x, monitor, is_relocated = measurement_update(
+            s, centre, x, P, kinematics, Sample(interval, inputs.mag[n], still), monitor
+        )
+        store_outputs(outputs, n, x, P, monitor.mean_nis, s.nis_limit)
+        if smoothed:
+            if is_relocated or not 0 < inputs.dt[n] <= s.max_gap:
                 decouple_sample(trace, n, own)
             store_update(trace, n, x, P, own, lasting)
-    return x
+    return FilterState(x, P, state.newest, kinematics, monitor)

@@ -7,19 +7,18 @@ from filterpy.kalman import predict, update
 
 from handscope.estimators.magnet.tracker import state as mf
 from handscope.estimators.magnet.tracker.inertial_updates import (
+    Standstill,
     common_acceleration_update,
     gravity_update,
 )
 from handscope.estimators.magnet.tracker.latency import (
     ESTIMATED,
-    FB,
-    KINEMATICS_SIZE,
-    LATENCY_MODE,
     VELOCITY_MEMORY,
-    VS,
-    WB,
+    Kinematics,
+    copy_kinematics,
     predict_kinematics,
     smooth_velocity,
+    start_kinematics,
     state_delayed,
 )
 from handscope.estimators.magnet.tracker.measurement_model import predict_delayed_reading
@@ -35,29 +34,40 @@ VARIANCE = 0.04  # of one reading
 NOISE = noise_model(MagnetParams(gyr_reading="instant"))
 
 
-_propagate = interpreted(mf.propagate_state)
+_sample = interpreted(mf.inertial_sample)
 _predict_reading = interpreted(predict_delayed_reading)
 _delayed = interpreted(state_delayed)
-_predict = interpreted(predict_kinematics)
 _smooth_velocity = interpreted(smooth_velocity)
 _inject = interpreted(mf.inject_error)
 _scalar_update = interpreted(mf.scalar_update)
 
 
+def _propagate(x: Array, before: Array, now: Array, dt: float, F: Array) -> Array:
+    """Readings (12,) at both ends."""
+    ends = _sample(before), _sample(now)
+    interval = mf.InertialInterval(*ends, dt, 1.0)
+    return np.asarray(interpreted(mf.propagate_state)(NOISE, x, interval, F))
+
+
+def _predict(kinematics: Kinematics, now: Array, dt: float) -> None:
+    interpreted(predict_kinematics)(kinematics, _sample(now), dt)
+
+
 def _propagate_covariance(
     s: mf.NoiseModel, P: Array, F: Array, dt: float, w_b: float, field: float
 ) -> None:
-    interpreted(mf.propagate_covariance)(s, P, F, dt, w_b, 0.0, 0.0, field, 1.0)
+    interpreted(mf.propagate_covariance)(s, P, F, dt, mf.Movement(w_b, 0.0, 0.0, field, 1.0))
 
 
 def _updated_errors(
     s: mf.NoiseModel, x: Array, P: Array, now: Array, base: bool, target: bool, dt: float
 ) -> Array:
-    dx = np.zeros(len(P))
+    dx, sample = np.zeros(len(P)), _sample(now)
     if base or target:
-        interpreted(gravity_update)(s, x, P, dx, now, base, target, False, dt)
+        still = Standstill(base, target)
+        interpreted(gravity_update)(s, x, P, dx, sample, still, False, dt)
     else:
-        interpreted(common_acceleration_update)(s, x, P, dx, now, dt)
+        interpreted(common_acceleration_update)(s, x, P, dx, sample, dt)
     return np.asarray(_inject(x, dx))
 
 
@@ -74,6 +84,15 @@ def _state() -> Array:
     return x
 
 
+def _moving(magnetometers: int) -> Kinematics:
+    """Rates, their changes, and forces of ten times the size."""
+    kinematics = start_kinematics(magnetometers)._replace(latency_mode=ESTIMATED)
+    for a in kinematics[:7]:
+        a[:] = RNG.normal(size=3)
+    kinematics.f_b[:], kinematics.f_t[:] = 10 * kinematics.f_b, 10 * kinematics.f_t
+    return kinematics
+
+
 def _difference(x: Array, other: Array) -> Array:
     """The error (55,) that takes x to the other state."""
     plain = other - x
@@ -87,12 +106,12 @@ def test_slopes_of_the_time_update_are_differences() -> None:
     before[[3, 4, 5, 9, 10, 11]] *= 10
     now[[3, 4, 5, 9, 10, 11]] *= 10
     x, F, other = _state(), np.zeros((30, 30)), np.zeros((30, 30))
-    _propagate(NOISE, x, before, now, dt, F)
+    _propagate(x, before, now, dt, F)
     for k in range(30):
         dx = np.zeros(55)
         dx[k] = h
-        ahead = _propagate(NOISE, _inject(x, dx), before, now, dt, other)
-        behind = _propagate(NOISE, _inject(x, -dx), before, now, dt, other)
+        ahead = _propagate(_inject(x, dx), before, now, dt, other)
+        behind = _propagate(_inject(x, -dx), before, now, dt, other)
         # a force in the middle of the sample and a turn over half of it are told to first order in dt
         np.testing.assert_allclose(F[:, k], _difference(behind, ahead)[:30] / (2 * h), atol=4e-3)
 
@@ -103,11 +122,10 @@ def test_slopes_of_a_magnetometer_are_differences() -> None:
         _state(),
         np.zeros((3, 55)),
         np.zeros((3, 55)),
-        RNG.normal(size=KINEMATICS_SIZE + 2),
+        _moving(2),
     )
-    x[-1], kinematics[KINEMATICS_SIZE:] = 0.062, [0.0, 0.008]
-    kinematics[FB : FB + 6] *= 10
-    kinematics[VS : VS + 3], kinematics[LATENCY_MODE] = x[3:6], ESTIMATED
+    x[-1], kinematics.age[:] = 0.062, [0.0, 0.008]
+    kinematics.v_bt[:] = x[3:6]
     _predict_reading(x, kinematics, 1, H)
     assert np.linalg.norm(H[:, mf.MOM : mf.MOM + 3]) > 1e-6
     biases = [
@@ -234,11 +252,11 @@ def test_a_movement_without_errors_is_followed_by_the_time_update_alone(name: st
     )
     x[mf.XVB : mf.XVB + 3] = speed[k]
     for i in range(k + 1, len(m.t)):
-        x = _propagate(NOISE, x, samples[i - 1], samples[i], 1 / 240, F)
+        x = _propagate(x, samples[i - 1], samples[i], 1 / 240, F)
     assert np.linalg.norm(x[mf.XVB : mf.XVB + 3] - speed[-1]) < 2e-3
     assert np.linalg.norm(x[0:3] - m.p_bt[-1]) < 2e-3
     assert np.degrees(quat.angle(quat.relative(x[mf.XQ : mf.XQ + 4], m.q_bt[-1]))) < 0.05
-    kinematics, x[-1] = np.zeros(KINEMATICS_SIZE), 0.1
+    kinematics, x[-1] = start_kinematics(2), 0.1
     for i in range(-240, 0):
         _predict(kinematics, samples[i], 1 / 240 if i > -240 else 0.0)
     then, k = _delayed(x, kinematics), -1 - 24
@@ -260,14 +278,14 @@ def test_a_movement_without_errors_is_followed_by_the_time_update_alone(name: st
 def test_the_velocity_that_slopes_take_turns_with_the_trunk_and_is_not_that_of_a_lost_hand() -> (
     None
 ):
-    x, kinematics, v, dt = _state(), np.zeros(KINEMATICS_SIZE), RNG.normal(size=3), 1 / 60
-    x[mf.XBG : mf.XBG + 3], kinematics[WB : WB + 3] = 0.0, [0.0, 0.0, 3.0]
-    deviation = kinematics[VS : VS + 3] - v
+    x, kinematics, v, dt = _state(), start_kinematics(2), RNG.normal(size=3), 1 / 60
+    x[mf.XBG : mf.XBG + 3], kinematics.w_b[:] = 0.0, [0.0, 0.0, 3.0]
+    deviation = kinematics.v_bt - v
     for known, share in ((0.04, np.exp(-dt / VELOCITY_MEMORY)), (0.2, 0.0)):
-        smoothed = kinematics.copy()
+        smoothed = copy_kinematics(kinematics)
         _smooth_velocity(smoothed, x, np.eye(55) * known**2, v, dt)
         np.testing.assert_allclose(
-            smoothed[VS : VS + 3] - x[3:6],
+            smoothed.v_bt - x[3:6],
             share * quat.rotate(quat.about(2, -3.0 * dt), deviation),
             atol=1e-12,
         )
