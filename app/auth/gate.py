@@ -225,8 +225,9 @@ class Gate:
 
     def _is_own_host(self, host: str) -> bool:
         try:
-            name = urlsplit(f"//{host}").hostname or ""
-        except ValueError:  # such as [::1
+            parts = urlsplit(f"//{host}")
+            name, _ = parts.hostname or "", parts.port
+        except ValueError:  # such as [::1 or localhost:99999
             return False
         return name in {"127.0.0.1", "localhost", "::1", self._settings.host, *self._settings.hosts}
 

@@ -160,15 +160,16 @@ async def _refuse(status: int, words: str, scope: Scope, receive: Receive, send:
 
 
 class BoundedProtocol(H11Protocol):  # type: ignore[misc]  # mypy does not follow uvicorn
-    """HTTP/1.1 whose connections are bounded for each address, and closed where the head of a request does not arrive in time."""
+    """HTTP/1.1 whose connections are bounded for each address, and closed where the head of a request, or the rest of an answered one, does not arrive in time."""
 
     _of_address: ClassVar[dict[str, dict["BoundedProtocol", None]]] = {}  # the oldest first
 
     def connection_made(self, transport: Any) -> None:
         super().connection_made(transport)
         self._address = self.client[0] if self.client else ""
-        self._head: asyncio.TimerHandle | None = None
-        self._wait_for_head(True)
+        self._deadline: asyncio.TimerHandle | None = None
+        self._unread = 0  # bytes that came after the answer to their request
+        self._set_deadline(True)
         others = self._of_address.setdefault(self._address, {})
         if len(others) >= MOST_CONNECTIONS:
             unfinished = (one for one in others if one.sends_half)
@@ -178,11 +179,27 @@ class BoundedProtocol(H11Protocol):  # type: ignore[misc]  # mypy does not follo
     @property
     def sends_half(self) -> bool:
         """Whether it keeps a request that is not there whole: such a connection makes room for a new one."""
-        return self._head is not None or self.conn.their_state is h11.SEND_BODY
+        return self._deadline is not None or self.conn.their_state is h11.SEND_BODY
 
     def data_received(self, data: bytes) -> None:
+        self._unread = self._unread + len(data) if self._is_answered_early else 0
         super().data_received(data)
-        self._wait_for_head(self.conn.their_state is h11.IDLE and bool(self.conn.trailing_data[0]))
+        self._set_deadline(self._has_half_a_head or self._is_answered_early)
+        if self._unread > SMALL:
+            self.transport.abort()
+
+    def on_response_complete(self) -> None:
+        super().on_response_complete()
+        self._set_deadline(self._has_half_a_head or self._is_answered_early)
+
+    @property
+    def _has_half_a_head(self) -> bool:
+        return self.conn.their_state is h11.IDLE and bool(self.conn.trailing_data[0])
+
+    @property
+    def _is_answered_early(self) -> bool:
+        """Whether the rest of a body still comes that nobody reads any more: its request is answered."""
+        return self.conn.their_state is h11.SEND_BODY and self.conn.our_state is h11.DONE
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._leave()
@@ -192,16 +209,16 @@ class BoundedProtocol(H11Protocol):  # type: ignore[misc]  # mypy does not follo
         self._leave()  # a web socket has a login, and limits of its own
         super().handle_websocket_upgrade(event)
 
-    def _wait_for_head(self, unfinished: bool) -> None:
-        """Close the connection after PATIENCE unless the head of its next request is complete by then."""
-        if unfinished and self._head is None:
-            self._head = asyncio.get_running_loop().call_later(PATIENCE, self.transport.abort)
-        elif not unfinished and self._head is not None:
-            self._head.cancel()
-            self._head = None
+    def _set_deadline(self, unfinished: bool) -> None:
+        """Close the connection after PATIENCE unless what it has not finished is complete by then."""
+        if unfinished and self._deadline is None:
+            self._deadline = asyncio.get_running_loop().call_later(PATIENCE, self.transport.abort)
+        elif not unfinished and self._deadline is not None:
+            self._deadline.cancel()
+            self._deadline = None
 
     def _leave(self) -> None:
-        self._wait_for_head(False)
+        self._set_deadline(False)
         others = self._of_address.get(self._address, {})
         others.pop(self, None)
         if not others:

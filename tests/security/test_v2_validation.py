@@ -41,7 +41,7 @@ def test_addresses_with_control_characters_are_refused(victim: Victim) -> None:
     assert status_of(victim, "GET", "/api/patients/%00") == 400
 
 
-@pytest.mark.parametrize("host", ["[::1", "[", "a]b", "", "\x80"])
+@pytest.mark.parametrize("host", ["[::1", "[", "a]b", "", "\x80", "localhost:x", "[::1]:99999"])
 def test_a_host_that_is_none_is_refused_with_words(victim: Victim, host: str) -> None:
     port = int(victim.base.rpartition(":")[2])
     with socket.create_connection(("127.0.0.1", port), timeout=10) as connection:

@@ -3,6 +3,7 @@
 import asyncio
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import closing, suppress
 
@@ -18,6 +19,9 @@ from handscope.app.auth import request_limits
 from handscope.app.auth.request_limits import BoundedProtocol, RequestLimits
 
 UPLOAD = "/api/patients/1/recordings"
+
+
+NOT_FOUND = "/api/nothing"
 
 
 async def _length(request: Request) -> JSONResponse:
@@ -81,6 +85,43 @@ def test_who_stops_sending_is_cut(port: int) -> None:
     half_a_body = _answer(port, _head("/api/login", "Content-Length: 100"), b"x")
     assert half_a_body.startswith(b"HTTP/1.1 408")
     assert _answer(port, b"POST /api/login HTT") == b""  # closed: there is no request to answer
+
+
+def _refused_early(port: int) -> socket.socket:
+    """A connection whose request is answered; the chunked body is still to come."""
+    connection = socket.create_connection(("127.0.0.1", port), timeout=10)
+    connection.sendall(_head(NOT_FOUND, "Transfer-Encoding: chunked"))
+    answer = b""
+    while not answer.endswith(b"Not Found"):
+        answer += connection.recv(65536)
+    return connection
+
+
+@pytest.mark.parametrize(("size", "pause"), [(1, 0.05), (1000, 0.0)])
+def test_who_was_refused_may_not_send_the_body_without_end(
+    port: int, size: int, pause: float
+) -> None:
+    """A byte now and then, or as fast as it goes."""
+    chunk = f"{size:x}\r\n".encode() + bytes(size) + b"\r\n"
+    with closing(_refused_early(port)) as connection:
+        assert not _may_send(connection, chunk, 100 if pause else 100_000, pause)
+
+
+def _may_send(connection: socket.socket, piece: bytes, times: int, pause: float) -> bool:
+    """Whether the server took them all."""
+    try:
+        for _ in range(times):
+            connection.sendall(piece)
+            time.sleep(pause)
+    except (BrokenPipeError, ConnectionResetError):
+        return False
+    return True
+
+
+def test_a_refused_body_that_ends_costs_no_connection(port: int) -> None:
+    with closing(_refused_early(port)) as connection:
+        connection.sendall(b"1\r\nx\r\n0\r\n\r\n" + _head("/api/login", "Content-Length: 0"))
+        assert b'"length":0' in _read(connection)
 
 
 def test_the_head_of_a_later_request_has_to_come_as_well(port: int) -> None:
