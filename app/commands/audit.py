@@ -126,7 +126,7 @@ def run(arguments: argparse.Namespace) -> int:
         )
     if found.unguarded:
         say(
-            f"The triggers {', '.join(found.unguarded)} are gone, which refuse changes of the trail: who removed them? The chain of its {found.lines} lines holds, up to {found.lines}:{found.last}."
+            f"The triggers {', '.join(found.unguarded)} are gone or changed, which refuse changes of the trail: who did that? The chain of its {found.lines} lines holds, up to {found.lines}:{found.last}."
         )
         return BROKEN
     say(

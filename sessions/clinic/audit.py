@@ -102,7 +102,9 @@ class Verdict:
     last: str  # hash of the last of them
     broken: str = ""  # the first that does not, and how
     back: int = 0  # the first line of an earlier time than the one before: a clock was set back, or lines are somebody's own; 0 for none
-    unguarded: tuple[str, ...] = ()  # triggers that should refuse changes and are gone
+    unguarded: tuple[
+        str, ...
+    ] = ()  # triggers that should refuse changes and are gone, off or changed
 
 
 def enable(database: sessionmaker[Session], copy_to: str = "") -> None:
@@ -150,6 +152,8 @@ def verify(db: Session, against: Sequence[tuple[int, str]] = ()) -> Verdict:
     """Go along the chain until the first line that does not fit; `against` are numbers and hashes noted before."""
     if not audit_guards.has_trail(db):
         return Verdict(0, NOTHING, phrase("audit.no_table"))
+    if columns := audit_guards.find_missing_columns(db):
+        return Verdict(0, NOTHING, phrase("audit.no_columns", names=", ".join(columns)))
     missing = audit_guards.find_missing_triggers(db)
     return replace(_follow(db, against), unguarded=missing)
 

@@ -19,6 +19,9 @@ from handscope.sessions.store.database import AUDIT_COPY, FILE
 from handscope.sessions.store.store import Store, open_store
 from tests import postgres
 
+POWERLESS = "DROP TRIGGER audit_no_update; CREATE TRIGGER audit_no_update BEFORE UPDATE ON audit BEGIN SELECT 1; END"
+NO_COUNTS = "DROP TRIGGER audit_no_update; ALTER TABLE audit DROP COLUMN counts"
+
 
 def _filled(folder: Path, url: str | None = None) -> Store:
     store = open_store(folder, url)
@@ -49,6 +52,10 @@ def test_the_table_cannot_be_emptied_on_postgresql(tmp_path: Path) -> None:
             db.execute(sa.text("ALTER TABLE audit DISABLE TRIGGER audit_no_truncate"))
             db.commit()
             assert audit.verify(db).unguarded == ("audit_no_truncate",)
+            db.execute(sa.text("ALTER TABLE audit ENABLE REPLICA TRIGGER audit_no_truncate"))
+            db.execute(sa.text("CREATE OR REPLACE FUNCTION audit_refuse() RETURNS trigger LANGUAGE plpgsql AS 'BEGIN RETURN NEW; END'"))  # fmt: skip
+            db.commit()
+            assert audit.verify(db).unguarded == ("audit_no_change", "audit_no_truncate")
         store.close()
 
 
@@ -56,6 +63,8 @@ def test_the_table_cannot_be_emptied_on_postgresql(tmp_path: Path) -> None:
     ("done", "sentence"),
     [
         (lambda db: db.execute("DROP TRIGGER audit_no_delete"), "audit_no_delete are gone"),
+        (lambda db: db.executescript(POWERLESS), "audit_no_update are gone or changed"),
+        (lambda db: db.executescript(NO_COUNTS), "columns of the trail's table are gone: counts"),
         (lambda db: db.execute("DROP TABLE audit"), "the table of the trail is gone"),
     ],
 )
