@@ -10,7 +10,6 @@ Limits  what changes faster than half the rate is not there to be brought back; 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from handscope.estimators.numerics.typing import Array
 
@@ -80,6 +79,8 @@ def _interpolate_sensor(t: Array, y: Array, noise: float, at: Array) -> tuple[Ar
 
 def _rate_walk(t: Array, y: Array, noise: float) -> Array:
     """Variance a second by which the rate of change wanders, in each interval (n - 1,): of second differences near by, less their noise."""
+    from scipy.ndimage import uniform_filter1d  # a tenth of what starting takes, for forces alone
+
     h = np.diff(t)
     bend = np.diff(np.diff(y, axis=0) / h[:, None], axis=0)
     own = noise * (1 / h[:-1] ** 2 + (1 / h[:-1] + 1 / h[1:]) ** 2 + 1 / h[1:] ** 2)

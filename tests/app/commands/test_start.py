@@ -59,8 +59,8 @@ def heavy_of(module: str) -> set[str]:
 
 
 OFFICE = {"numba", "numpy", "sqlalchemy"}  # of verbs of a data folder: results are read and written
-OFFLINE = {"mcap", "numba", "numpy", "scipy.interpolate", "scipy.ndimage", "scipy.special", "vqf"}
-FIGURES = OFFLINE | {"babel", "scipy.signal", "scipy.spatial"}
+OFFLINE = {"mcap", "numba", "numpy", "scipy.interpolate", "scipy.special", "vqf"}
+FIGURES = OFFLINE | {"babel", "scipy.ndimage", "scipy.signal", "scipy.spatial"}
 SIMULATED = {"numba", "numpy", "scipy.interpolate", "scipy.optimize", "scipy.special"}
 SERVERS = {"demo", "open", "serve"}  # they import nearly everything
 MAY = {  # what each other verb may import; nothing heavy where it is not here
