@@ -85,7 +85,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--misalignment",
         type=float,
         metavar="DEG",
-        help="sensors sit up to this askew, about any axis; else as the preset says",
+        help="sensors are misaligned by up to this, about any axis; else as the preset says",
     )
     parser.add_argument(
         "--trunk",

@@ -55,7 +55,7 @@ class PoseParams:
         "full",
         "",
         "what the pose fixes: each sensor's heading against the hand (the paper), its whole orientation (full), that against the inclination in which "
-        "the sensors of hand and fingers agree (common: half the effect of a hand sensor askew, but a strip that is missing changes the others a little)",
+        "the sensors of hand and fingers agree (common: half the effect of a misaligned hand sensor, but a strip that is missing changes the others a little)",
         "heading: Salchow-Hoemmen 2019, 2.4.2; full, common: ours",
         ("full", "common", "heading"),
     )
@@ -464,7 +464,7 @@ def _up_in_hand(
     on_hand: Mapping[str, Array],
     names: Sequence[str],
 ) -> Array:
-    """Upwards (3,) in the hand's frame as most of these sensors have it: each sits askew in its own
+    """Upwards (3,) in the hand's frame as most of these sensors have it: each is misaligned in its own
     way, and the pose makes their segments agree."""
     ups = [
         quat.rotate(

@@ -40,7 +40,7 @@ class SensorToSegmentParams:
         4.5,
         "deg",
         "turn of a sensor against its segment about each axis, where no functional calibration tells it",
-        "sensors 5-10 deg askew: Salchow-Hoemmen 2019, 5",
+        "sensors misaligned by 5-10 deg: Salchow-Hoemmen 2019, 5",
         least=1e-3,
     )
     skin: float = option(

@@ -66,7 +66,7 @@ class HeadingParams:
         5.0,
         "deg",
         "turn about an axis that is no freedom of its joint, from misalignment and soft tissue",
-        "sensors 5-10 deg askew: Salchow-Hoemmen 2019, 5; size ours",
+        "sensors misaligned by 5-10 deg: Salchow-Hoemmen 2019, 5; size ours",
         least=0.1,
     )
     joint_play_known: float = option(
