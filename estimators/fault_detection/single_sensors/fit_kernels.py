@@ -11,49 +11,44 @@ import math
 import numpy as np
 
 from handscope.estimators.numerics.jit import inlined, looped
+from handscope.estimators.numerics.small_matrices import (
+    cholesky,
+    clear,
+    solve_lower,
+    solve_upper,
+)
 from handscope.estimators.numerics.typing import Array
 
 TURNED = 9  # corrections of the matrix, which come first
 
 
 @inlined
-def factor(A: Array) -> float:
-    """Cholesky's factor in the lower half of A (P, P), in its place; logarithm of the determinant."""
-    P, total = len(A), 0.0
-    for j in range(P):
-        for k in range(j):
-            A[j, j] -= A[j, k] * A[j, k]
-        A[j, j] = math.sqrt(A[j, j])
-        total += 2.0 * math.log(A[j, j])
-        for i in range(j + 1, P):
-            for k in range(j):
-                A[i, j] -= A[i, k] * A[j, k]
-            A[i, j] /= A[j, j]
+def factor(A: Array, L: Array) -> float:
+    """L of A = L L', NaN where A is not positive definite; logarithm of A's determinant."""
+    if not cholesky(A, L):
+        for i in range(len(L)):
+            for j in range(len(L)):
+                L[i, j] = np.nan
+    total = 0.0
+    for i in range(len(L)):
+        total += 2.0 * math.log(L[i, i])
     return total
 
 
 @inlined
-def solve_factored(L: Array, b: Array) -> None:
-    """L L' x = b, in b's place."""
-    P = len(b)
-    for i in range(P):
-        for k in range(i):
-            b[i] -= L[i, k] * b[k]
-        b[i] /= L[i, i]
-    for i in range(P - 1, -1, -1):
-        for k in range(i + 1, P):
-            b[i] -= L[k, i] * b[k]
-        b[i] /= L[i, i]
+def solve_factored(L: Array, B: Array) -> None:
+    """L L' X = B of any columns, in B's place."""
+    solve_lower(L, B)
+    solve_upper(L, B)
 
 
 @inlined
 def invert_factored(L: Array, out: Array) -> None:
     """Inverse (P, P) of L L'."""
-    P = len(L)
-    out[:] = 0.0
-    for j in range(P):
-        out[j, j] = 1.0
-        solve_factored(L, out[j])
+    clear(out)
+    for i in range(len(L)):
+        out[i, i] = 1.0
+    solve_factored(L, out)
 
 
 @inlined
@@ -80,11 +75,10 @@ def fit_chains(
     precision, H, L = np.zeros((P, P)), np.zeros((P, P + 1)), np.zeros((P, P))
     narrowed = 0.0
     for s in range(S):
-        L[:] = prior[s]
-        width = factor(L)
+        width = factor(prior[s], L)
         invert_factored(L, precision)
         for _ in range(rounds):
-            H[:] = 0.0
+            clear(H)
             for g in range(G):
                 weight[g] = 0.0
                 if n[g, s] > 0.0:
@@ -97,9 +91,9 @@ def fit_chains(
             for p in range(P):
                 x[s, p] = -H[p, P]
                 for q in range(p + 1):
-                    L[p, q] = H[p, q] + precision[p, q]
-            narrowed = factor(L)
-            solve_factored(L, x[s])
+                    H[p, q] += precision[p, q]
+            narrowed = factor(H, L)
+            solve_factored(L, x[s].reshape(P, 1))
         invert_factored(L, cov[s])
         square = 0.0
         for p in range(P):
