@@ -6,12 +6,12 @@ Source  cubic spline with the not-a-knot condition (de Boor 1978, ch. IV), its s
 Limits  five samples at least
 """
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
+from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined, looped
+from handscope.estimators.numerics.small_matrices import put
 from handscope.estimators.numerics.typing import Array
 
 
@@ -69,31 +69,6 @@ def evaluate_spline(
 
 
 @inlined
-def turn_on(q: Array, x: float, y: float, z: float) -> None:
-    """A quaternion turned on by a rotation vector in the turned frame."""
-    size = math.sqrt(x * x + y * y + z * z)
-    share = math.sin(0.5 * size) / size if size > 1e-9 else 0.5
-    w, x, y, z = math.cos(0.5 * size), share * x, share * y, share * z
-    a, b, c, d = q[0], q[1], q[2], q[3]
-    q[0], q[1] = a * w - b * x - c * y - d * z, a * x + b * w + c * z - d * y
-    q[2], q[3] = a * y - b * z + c * w + d * x, a * z + b * y - c * x + d * w
-
-
-@inlined
-def fill_rotation(q: Array, R: Array) -> None:
-    """Rotation (3, 3) of a quaternion."""
-    w, x, y, z = q[0], q[1], q[2], q[3]
-    R[0, 0], R[1, 1], R[2, 2] = (
-        1 - 2 * (y * y + z * z),
-        1 - 2 * (x * x + z * z),
-        1 - 2 * (x * x + y * y),
-    )
-    R[0, 1], R[1, 0] = 2 * (x * y - w * z), 2 * (x * y + w * z)
-    R[0, 2], R[2, 0] = 2 * (x * z + w * y), 2 * (x * z - w * y)
-    R[1, 2], R[2, 1] = 2 * (y * z - w * x), 2 * (y * z + w * x)
-
-
-@inlined
 def fill_arm(w: Array, change: Array, A: Array) -> None:
     """Acceleration (3, 3) of a point by its place: of rates and of their derivative."""
     square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
@@ -127,7 +102,8 @@ def fill_windows(
 ) -> None:
     """Fill what joint_windows.Windows has of sensors (S, K, m, ...) whose windows begin at rows (K,); readings beyond the ends are those of the ends."""
     S, K, m = share.shape
-    R, A, q = np.empty((3, 3)), np.empty((3, 3)), np.empty(4)
+    R, A, turn = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    q, step, both = np.empty(4), np.empty(4), np.empty(4)
     by = 1.0 / averaged
     for s in range(S):
         c = columns[s]
@@ -138,17 +114,17 @@ def fill_windows(
                 row, at = first[k] + n, n // averaged
                 here = min(max(row, 0), len(gyr) - 1)
                 if n > 0:
-                    turn_on(
-                        q,
-                        0.5 * dt * (gyr[here, c, 0] + gyr[before, c, 0]),
-                        0.5 * dt * (gyr[here, c, 1] + gyr[before, c, 1]),
-                        0.5 * dt * (gyr[here, c, 2] + gyr[before, c, 2]),
-                    )
+                    for i in range(3):
+                        turn[i] = 0.5 * dt * (gyr[here, c, i] + gyr[before, c, i])
+                    quat.exp_row(turn, step, step)
+                    quat.multiply_row(q, step, both)
+                    for i in range(4):
+                        q[i] = both[i]
                 before = here
-                fill_rotation(q, R)
+                quat.matrix_row(q, turn, R)
                 fill_arm(gyr[here, c], change[here, c], A)
                 if n % averaged == averaged // 2:
-                    turned[s, k, at] = R
+                    put(R, turned[s, k, at])
                 if whole[here, c] and here == row:
                     share[s, k, at] += by
                 for i in range(3):
