@@ -50,6 +50,13 @@ class Cells:
         best = np.argmax(run.sum(axis=1), axis=1)
         return np.moveaxis(np.take_along_axis(run, best[:, None, None], axis=1)[:, 0], 1, 2)
 
+    @cached_property
+    def path(self) -> Array:
+        """Angles (G, S) rad that the gyroscopes read in every chain, summed in order: that of a sensor does not depend on those beside it."""
+        turned = CELL * np.linalg.norm(self.gyr, axis=-1)
+        of_chain = turned[begins(len(turned))[:, None] + np.arange(CHAIN)]  # (G, CHAIN, S)
+        return np.asarray(np.cumsum(of_chain, axis=1)[:, -1])
+
     def of(self, columns: NDArray[np.intp]) -> "Cells":
         """Of some sensors only."""
         names = tuple(self.sensors[k] for k in columns)

@@ -21,7 +21,7 @@ from handscope.estimators.fault_detection.single_sensors.cells import (
     Cells,
     begins,
 )
-from handscope.estimators.numerics.jit import looped
+from handscope.estimators.numerics.jit import inlined, looped
 from handscope.estimators.numerics.typing import Array
 
 MATRIX, GYR_BIAS, ACC_BIAS, ARM, DELAY = slice(0, 9), slice(9, 12), slice(12, 15), slice(15, 18), 18
@@ -71,17 +71,27 @@ def windows_of(
     first, S = begins(len(cells.valid))[chains], len(columns)
     force = np.zeros((len(first), S, KNOTS, 3))
     slope = np.zeros((len(first), S, KNOTS, 3, PARAMETERS if with_slope else 0))
-    path = np.zeros(force.shape[:2])
     M = np.ascontiguousarray(np.broadcast_to(M, (S, 3, 3)), dtype=float)
     readings = cells.gyr, cells.acc, columns
     if with_slope:
-        _average(*readings, M, first, WEIGHT, SECOND, CELL, HOP, force, slope, path)
+        _average(*readings, M, first, WEIGHT, SECOND, CELL, HOP, force, slope)
     else:
-        _average_force(*readings, M, first, WEIGHT, CELL, HOP, force, path)
+        _average_force(*readings, M, first, WEIGHT, CELL, HOP, force)
     t = np.asarray(
         cells.start + CELL * (first[:, None] + HOP * np.arange(KNOTS) + 0.5 * WINDOW), float
     )
-    return Windows(t, force, slope, path, cells.unbroken[chains][:, columns])
+    path, valid = cells.path[chains][:, columns], cells.unbroken[chains][:, columns]
+    return Windows(t, force, slope, path, valid)
+
+
+@inlined
+def sine_and_versed(size: float) -> tuple[float, float]:
+    """sin(a) / a and (1 - cos(a)) / a^2 of an angle whose square is `size`."""
+    if size < SERIES:
+        sine = 1 - size / 6 * (1 - size / 20 * (1 - size / 42 * (1 - size / 72)))
+        return sine, 0.5 - size / 24 * (1 - size / 30 * (1 - size / 56 * (1 - size / 90)))
+    angle = math.sqrt(size)
+    return math.sin(angle) / angle, (1.0 - math.cos(angle)) / size
 
 
 @looped
@@ -95,7 +105,6 @@ def _average_force(
     dt: float,
     hop: int,
     force: Array,
-    path: Array,
 ) -> None:
     """Fill force alone, the frame as a quaternion: faults are first compared without slopes."""
     G, S, K = force.shape[:3]
@@ -107,20 +116,12 @@ def _average_force(
                 row, c = first[g] + b, columns[s]
                 g0, g1, g2 = gyr[row, c, 0], gyr[row, c, 1], gyr[row, c, 2]
                 a0, a1, a2 = acc[row, c, 0], acc[row, c, 1], acc[row, c, 2]
-                path[g, s] += dt * math.sqrt(g0 * g0 + g1 * g1 + g2 * g2)
                 e0 = 0.25 * dt * (M[s, 0, 0] * g0 + M[s, 0, 1] * g1 + M[s, 0, 2] * g2)
                 e1 = 0.25 * dt * (M[s, 1, 0] * g0 + M[s, 1, 1] * g1 + M[s, 1, 2] * g2)
                 e2 = 0.25 * dt * (M[s, 2, 0] * g0 + M[s, 2, 1] * g1 + M[s, 2, 2] * g2)
                 size = e0 * e0 + e1 * e1 + e2 * e2  # of half the turn, as quaternions have it
-                if size < SERIES:
-                    sine = 1 - size / 6 * (1 - size / 20 * (1 - size / 42 * (1 - size / 72)))
-                    cosine = 1 - size / 2 * (
-                        1 - size / 12 * (1 - size / 30 * (1 - size / 56 * (1 - size / 90)))
-                    )
-                else:
-                    angle = math.sqrt(size)
-                    sine, cosine = math.sin(angle) / angle, math.cos(angle)
-                e0, e1, e2 = sine * e0, sine * e1, sine * e2
+                sine, versed = sine_and_versed(size)
+                cosine, e0, e1, e2 = 1 - versed * size, sine * e0, sine * e1, sine * e2
                 p = w * cosine - x * e0 - y * e1 - z * e2  # in the middle of the cell
                 q = w * e0 + x * cosine + y * e2 - z * e1
                 r = w * e1 - x * e2 + y * cosine + z * e0
@@ -153,7 +154,6 @@ def _average(
     hop: int,
     force: Array,
     slope: Array,
-    path: Array,
 ) -> None:
     """Fill force and slope: a wrong rate dw turns all that follows by the integral of R dw."""
     G, S, K = force.shape[:3]
@@ -171,13 +171,7 @@ def _average(
                 x1 = 0.5 * dt * (M[s, 1, 0] * y[0] + M[s, 1, 1] * y[1] + M[s, 1, 2] * y[2])
                 x2 = 0.5 * dt * (M[s, 2, 0] * y[0] + M[s, 2, 1] * y[1] + M[s, 2, 2] * y[2])
                 size = x0 * x0 + x1 * x1 + x2 * x2
-                path[g, s] += dt * math.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
-                if size < SERIES:
-                    sine = 1 - size / 6 * (1 - size / 20 * (1 - size / 42 * (1 - size / 72)))
-                    versed = 0.5 - size / 24 * (1 - size / 30 * (1 - size / 56 * (1 - size / 90)))
-                else:
-                    angle = math.sqrt(size)
-                    sine, versed = math.sin(angle) / angle, (1.0 - math.cos(angle)) / size
+                sine, versed = sine_and_versed(size)
                 E[0, 0], E[1, 1], E[2, 2] = (
                     1 - versed * (x1 * x1 + x2 * x2),
                     1 - versed * (x0 * x0 + x2 * x2),
