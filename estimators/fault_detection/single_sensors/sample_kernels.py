@@ -55,12 +55,6 @@ def squared_steps(y: Array) -> Array:
     return out
 
 
-@inlined
-def nothing(value: float) -> float:
-    """Logarithm of a step of zero; NaN of none."""
-    return -np.inf if value == 0.0 else np.nan
-
-
 @looped
 def add_log_ratio(step: Array, total: Array) -> None:
     """Add to totals (n, S) the logarithm of each step over the mean of the middle two of those AROUND it, mirrored at the ends; what is missing there counts as large."""
@@ -78,4 +72,4 @@ def add_log_ratio(step: Array, total: Array) -> None:
                     j -= 1
                 around[j] = value
             usual = 0.5 * (around[2] + around[3]) + 1e-12
-            total[k, s] += math.log(step[k, s] / usual) if step[k, s] > 0.0 else nothing(step[k, s])
+            total[k, s] += math.log(step[k, s] / usual)  # -inf of a step of zero, NaN of none
