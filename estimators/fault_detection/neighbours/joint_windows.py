@@ -137,11 +137,12 @@ def common_series(blocks: Sequence[Block], bias: Mapping[str, Array]) -> Series 
     both = np.stack([read[s][0] for s in names], axis=1)
     change = np.stack([read[s][1] for s in names], axis=1)
     whole = np.stack([read[s][2] for s in names], axis=1)
-    gyr: Array = both[..., :3]
+    gyr: Array = np.ascontiguousarray(both[..., :3])
+    acc: Array = np.ascontiguousarray(both[..., 3:])
     level = _resting_rates(gyr, whole)
     for k, name in enumerate(names):
         gyr[:, k] -= bias.get(name, level[k])
-    return Series(t, names, gyr, change, both[..., 3:], whole, most_moved(gyr))
+    return Series(t, names, gyr, change, acc, whole, most_moved(gyr))
 
 
 def most_moved(gyr: Array) -> NDArray[np.int_]:
