@@ -312,29 +312,16 @@ def describe_outliers(fingers: Sequence[Finger]) -> list[str]:
     messages = []
     for (name, kind), times in by.items():
         at = _merge_moments(times)
-        if kind == "gyr" and len(at) == 1:
-            messages.append(
-                phrase("self_calibration.found_gyroscope_impact", name=name, time=at[0])
+        messages.append(
+            phrase("self_calibration.found_gyroscope_impacts", name=name, count=len(at), time=at[0])
+            if kind == "gyr"
+            else phrase(
+                "self_calibration.found_accelerometer_impacts",
+                name=name,
+                count=len(at),
+                time=at[0],
             )
-        elif kind == "gyr":
-            messages.append(
-                phrase(
-                    "self_calibration.found_gyroscope_impacts", name=name, count=len(at), time=at[0]
-                )
-            )
-        elif len(at) == 1:
-            messages.append(
-                phrase("self_calibration.found_accelerometer_impact", name=name, time=at[0])
-            )
-        else:
-            messages.append(
-                phrase(
-                    "self_calibration.found_accelerometer_impacts",
-                    name=name,
-                    count=len(at),
-                    time=at[0],
-                )
-            )
+        )
     return messages + _describe_frequent_impacts(
         by, max((float(finger.t[-1] - finger.t[0]) for finger in fingers), default=0.0)
     )
