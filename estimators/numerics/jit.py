@@ -7,6 +7,7 @@ processes load it, some milliseconds each, at a kernel's first call: who cannot 
 `load_kernels`. docs/decisions/0004-compiled-rows.md has why and what it gains.
 """
 
+import builtins
 import hashlib
 import re
 from collections.abc import Callable, Iterator
@@ -118,9 +119,19 @@ def called_by(kernel: Callable[..., Any]) -> Iterator[Any]:
             value = within.get(name)
             if is_jitted(value):
                 yield name, value.py_func.__code__.co_code, value.py_func.__code__.co_consts
+                yield from _record_fields(value.py_func)
                 yield from called_by(value.py_func)
             elif isinstance(value, int | float | tuple):
                 yield name, value
+
+
+def _record_fields(function: Callable[..., Any]) -> Iterator[Any]:
+    """Names of the fields of records that a function takes, which its code has by their places only."""
+    scope = function.__globals__
+    known = (builtins, np.ndarray, *(v for v in scope.values() if isinstance(v, ModuleType)))
+    names = (n for n in function.__code__.co_names if n not in scope)
+    if fields := [n for n in names if not any(hasattr(k, n) for k in known)]:
+        yield fields
 
 
 def _cores(layout: str) -> list[str]:

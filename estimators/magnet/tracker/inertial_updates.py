@@ -16,21 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from handscope.estimators.magnet.tracker.state import (
-    BBA,
-    BBG,
-    BTA,
-    BTG,
-    TH,
-    THG,
-    V_,
-    VB,
-    XBA,
-    XBG,
-    XGB,
-    XQ,
-    XTA,
-    XTG,
-    XVB,
+    ERROR,
+    STATE,
     InertialSample,
     NoiseModel,
     inject_error,
@@ -71,7 +58,7 @@ def inertial_update(
     distinguishes a slow slide from rest."""
     dx, faster = np.zeros(len(P)), 0.0
     for i in range(3):
-        faster += x[3 + i] ** 2 / (P[V_ + i, V_ + i] + s.still_speed**2)
+        faster += x[STATE.v_bt + i] ** 2 / (P[ERROR.v_bt + i, ERROR.v_bt + i] + s.still_speed**2)
     # a hand that slides without turning passes for still: not where its velocity is known
     target = still.target and not (still.base and faster > MOVING_SD**2)
     gravity_update(s, x, P, dx, now, Standstill(still.base, target), lost, dt)
@@ -98,7 +85,7 @@ def gravity_update(
     of the standstill test. (5.16)"""
     variance, up = s.acc_still**2 * s.acc_correlation_time / dt, np.zeros(3)
     up[2] = s.gravity
-    g_b: Array = multiply_transposed(rotation_matrix(x[XGB : XGB + 4]), up)
+    g_b: Array = multiply_transposed(rotation_matrix(x[STATE.q_gb : STATE.q_gb + 4]), up)
     if still.base:
         base_gravity_update(x, P, dx, now.acc_b, g_b, variance)
     if still.target:
@@ -113,11 +100,11 @@ def base_gravity_update(
 ) -> None:
     """Of the trunk's accelerometer; g_b (3,) is what it reads of gravity."""
     H = np.zeros((3, len(P)))
-    block(1.0, skew(g_b), 0, THG, H)
+    block(1.0, skew(g_b), 0, ERROR.th_gb, H)
     for i in range(3):
-        H[i, BBA + i] = 1.0
+        H[i, ERROR.acc_bias_b + i] = 1.0
     for i in range(3):
-        scalar_update(P, dx, H[i], acc[i] - x[XBA + i] - g_b[i], variance)
+        scalar_update(P, dx, H[i], acc[i] - x[STATE.acc_bias_b + i] - g_b[i], variance)
 
 
 @inlined
@@ -125,14 +112,14 @@ def target_gravity_update(
     x: Array, P: Array, dx: Array, acc: Array, g_b: Array, variance: float
 ) -> None:
     """Of the hand's accelerometer; g_b (3,) is gravity in the base's axes."""
-    R, H = rotation_matrix(x[XQ : XQ + 4]), np.zeros((3, len(P)))
+    R, H = rotation_matrix(x[STATE.q_bt : STATE.q_bt + 4]), np.zeros((3, len(P)))
     g_t: Array = multiply_transposed(R, g_b)
-    block(1.0, skew(g_t), 0, TH, H)
-    block(1.0, multiply_matrices(transpose(R), skew(g_b)), 0, THG, H)
+    block(1.0, skew(g_t), 0, ERROR.th_bt, H)
+    block(1.0, multiply_matrices(transpose(R), skew(g_b)), 0, ERROR.th_gb, H)
     for i in range(3):
-        H[i, BTA + i] = 1.0
+        H[i, ERROR.acc_bias_t + i] = 1.0
     for i in range(3):
-        scalar_update(P, dx, H[i], acc[i] - x[XTA + i] - g_t[i], variance)
+        scalar_update(P, dx, H[i], acc[i] - x[STATE.acc_bias_t + i] - g_t[i], variance)
 
 
 @inlined
@@ -148,18 +135,18 @@ def speed_update(
         else (s.trunk_speed, s.speed_correlation_time)
     )
     for i in range(3):
-        H[VB + i] = 1.0
-        scalar_update(P, dx, H, -x[XVB + i], speed**2 * 2 * correlation_time / dt)
+        H[ERROR.v_b + i] = 1.0
+        scalar_update(P, dx, H, -x[STATE.v_b + i], speed**2 * 2 * correlation_time / dt)
         if not still.target:
-            H[V_ + i] = 1.0
+            H[ERROR.v_bt + i] = 1.0
             scalar_update(
                 P,
                 dx,
                 H,
-                -x[3 + i] - x[XVB + i],
+                -x[STATE.v_bt + i] - x[STATE.v_b + i],
                 s.reach_speed**2 * 2 * s.speed_correlation_time / dt,
             )
-        H[VB + i] = H[V_ + i] = 0.0
+        H[ERROR.v_b + i] = H[ERROR.v_bt + i] = 0.0
 
 
 @inlined
@@ -176,15 +163,15 @@ def common_acceleration_update(
         and abs(norm_b - s.gravity) > s.gate * s.gravity
     ):
         return
-    R, H = rotation_matrix(x[XQ : XQ + 4]), np.zeros((3, len(P)))
-    common = multiply_transposed(R, f_b - x[XBA : XBA + 3])
-    block(1.0, skew(common), 0, TH, H)
-    block(-1.0, transpose(R), 0, BBA, H)
+    R, H = rotation_matrix(x[STATE.q_bt : STATE.q_bt + 4]), np.zeros((3, len(P)))
+    common = multiply_transposed(R, f_b - x[STATE.acc_bias_b : STATE.acc_bias_b + 3])
+    block(1.0, skew(common), 0, ERROR.th_bt, H)
+    block(-1.0, transpose(R), 0, ERROR.acc_bias_b, H)
     for i in range(3):
-        H[i, BTA + i] = 1.0
+        H[i, ERROR.acc_bias_t + i] = 1.0
     variance = (s.acc_moving + norm_b * 0.1) ** 2 * s.acc_correlation_time / dt
     for i in range(3):
-        scalar_update(P, dx, H[i], f_t[i] - x[XTA + i] - common[i], variance)
+        scalar_update(P, dx, H[i], f_t[i] - x[STATE.acc_bias_t + i] - common[i], variance)
 
 
 @inlined
@@ -192,7 +179,10 @@ def centripetal_acceleration(x: Array, now: InertialSample) -> float:
     """By which two positions on one rotating body differ, m/s^2."""
     turning = 0.0
     for i in range(3):
-        turning += max((now.gyr_b[i] - x[XBG + i]) ** 2, (now.gyr_t[i] - x[XTG + i]) ** 2)
+        turning += max(
+            (now.gyr_b[i] - x[STATE.gyr_bias_b + i]) ** 2,
+            (now.gyr_t[i] - x[STATE.gyr_bias_t + i]) ** 2,
+        )
     return turning * math.sqrt(x[0] ** 2 + x[1] ** 2 + x[2] ** 2)
 
 
@@ -206,10 +196,10 @@ def standstill_update(
         2 * s.still_correlation_time / dt,
     )  # spectral density of a correlated error
     for i in range(3):
-        H[V_ + i] = 1.0
-        scalar_update(P, dx, H, -x[3 + i], s.still_speed**2 * lasting)
-        H[V_ + i], H[BTG + i] = 0.0, 1.0
-        scalar_update(P, dx, H, now.gyr_t[i] - x[XTG + i], s.still_rate**2 * lasting)
-        H[BTG + i], H[BBG + i] = 0.0, 1.0
-        scalar_update(P, dx, H, now.gyr_b[i] - x[XBG + i], s.still_rate**2 * lasting)
-        H[BBG + i] = 0.0
+        H[ERROR.v_bt + i] = 1.0
+        scalar_update(P, dx, H, -x[STATE.v_bt + i], s.still_speed**2 * lasting)
+        H[ERROR.v_bt + i], H[ERROR.gyr_bias_t + i] = 0.0, 1.0
+        scalar_update(P, dx, H, now.gyr_t[i] - x[STATE.gyr_bias_t + i], s.still_rate**2 * lasting)
+        H[ERROR.gyr_bias_t + i], H[ERROR.gyr_bias_b + i] = 0.0, 1.0
+        scalar_update(P, dx, H, now.gyr_b[i] - x[STATE.gyr_bias_b + i], s.still_rate**2 * lasting)
+        H[ERROR.gyr_bias_b + i] = 0.0

@@ -20,7 +20,7 @@ from handscope.estimators.magnet.tracker.options import (
     MagnetParams,
     noise_model,
 )
-from handscope.estimators.magnet.tracker.state import B_, OWN, P_, TH, THG, V_, VB, XB, XGB, XM, XQ
+from handscope.estimators.magnet.tracker.state import ERROR, OWN, STATE
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation.fusion import make_upright
@@ -81,27 +81,30 @@ def initial_state(
     incl, head = params.inclination_sd * DEG, params.heading_sd * DEG
     up_b, up_t = (v / np.linalg.norm(v) for v in (sample[3:6], sample[9:12]))
     P = np.diag(np.concatenate([np.zeros(OWN), declared_sds(params, setup) ** 2]))
-    P[P_ : P_ + 3, P_ : P_ + 3] = np.eye(3) * (params.reach**2 / 3 if near is None else 0.05**2)
-    P[V_ : V_ + 3, V_ : V_ + 3] = P[VB : VB + 3, VB : VB + 3] = np.eye(3) * 0.1**2
-    P[TH : TH + 3, TH : TH + 3] = (
+    P[ERROR.p_bt : ERROR.p_bt + 3, ERROR.p_bt : ERROR.p_bt + 3] = np.eye(3) * (
+        params.reach**2 / 3 if near is None else 0.05**2
+    )
+    P[ERROR.v_bt : ERROR.v_bt + 3, ERROR.v_bt : ERROR.v_bt + 3] = P[
+        ERROR.v_b : ERROR.v_b + 3, ERROR.v_b : ERROR.v_b + 3
+    ] = np.eye(3) * 0.1**2
+    P[ERROR.th_bt : ERROR.th_bt + 3, ERROR.th_bt : ERROR.th_bt + 3] = (
         np.eye(3) * incl**2 + np.outer(up_t, up_t) * (2 * head if lost else head) ** 2
     )
     field = np.array(
         [PINNED_SD, *(2 * [0.1 * setup.earth if setup.dip is None else ROOM_VARIATION])]
     )
-    P[range(B_, B_ + 3), range(B_, B_ + 3)] = field**2
-    P[range(12, 15), range(12, 15)] = P[range(21, 24), range(21, 24)] = (
-        params.gyr_bias_sd * DEG
-    ) ** 2
-    P[range(15, 18), range(15, 18)] = P[range(24, 27), range(24, 27)] = params.acc_bias_sd**2
-    P[THG : THG + 3, THG : THG + 3] = (
+    P[range(ERROR.B_g, ERROR.B_g + 3), range(ERROR.B_g, ERROR.B_g + 3)] = field**2
+    biases = np.repeat([params.gyr_bias_sd * DEG, params.acc_bias_sd], 3) ** 2
+    for first in (ERROR.gyr_bias_t, ERROR.gyr_bias_b):  # the accelerometer's follow
+        P[range(first, first + 6), range(first, first + 6)] = biases
+    P[ERROR.th_gb : ERROR.th_gb + 3, ERROR.th_gb : ERROR.th_gb + 3] = (
         np.eye(3) * incl**2 + np.outer(up_b, up_b) * (2 * head if near is None else head) ** 2
     )
     return x, P
 
 
 def declared_values(setup: Setup) -> Array:
-    """The state's rows from XM on before the first reading: moment, its position, gradients,
+    """The state's rows from STATE.moment on before the first reading: moment, its position, gradients,
     calibration residuals, positions of the magnetometers, latency."""
     return np.concatenate(
         [
@@ -182,6 +185,10 @@ def workspace_centre(setup: Setup) -> Array:
 
 def magnet_in_base(x: Array) -> tuple[Array, Array, Array]:
     """Position and moment of a state's magnet and the field without it, base frame."""
-    q_bt = x[XQ : XQ + 4]
-    B_b = quat.rotate(quat.conjugate(x[XGB : XGB + 4]), x[XB : XB + 3])
-    return x[:3] + quat.rotate(q_bt, x[XM + 3 : XM + 6]), quat.rotate(q_bt, x[XM : XM + 3]), B_b
+    q_bt = x[STATE.q_bt : STATE.q_bt + 4]
+    B_b = quat.rotate(quat.conjugate(x[STATE.q_gb : STATE.q_gb + 4]), x[STATE.B_g : STATE.B_g + 3])
+    return (
+        x[STATE.p_bt : STATE.p_bt + 3] + quat.rotate(q_bt, x[STATE.lever : STATE.lever + 3]),
+        quat.rotate(q_bt, x[STATE.moment : STATE.moment + 3]),
+        B_b,
+    )

@@ -23,19 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from handscope.estimators.magnet.tracker.state import (
-    P_,
-    TH,
-    THG,
-    V_,
-    XBA,
-    XBG,
-    XGB,
-    XQ,
-    XTA,
-    XTG,
-    InertialSample,
-)
+from handscope.estimators.magnet.tracker.state import ERROR, LATENCY, STATE, InertialSample
 from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.kernels import (
     multiply_matrices,
@@ -113,18 +101,26 @@ def track_rate(rate: Array, change: Array, gyr: Array, dt: float) -> None:
 @inlined
 def rotation_over_latency(x: Array, kinematics: Kinematics) -> tuple[Array, Array]:
     """Rotations of base and target over the latency (3,), (3,), each in its own axes."""
-    tau = x[-1]
+    tau = x[LATENCY]
     base, target = np.empty(3), np.empty(3)
     for i in range(3):
-        base[i] = tau * (kinematics.w_b[i] - x[XBG + i] - 0.5 * tau * kinematics.alpha_b[i])
-        target[i] = tau * (kinematics.w_t[i] - x[XTG + i] - 0.5 * tau * kinematics.alpha_t[i])
+        base[i] = tau * (
+            kinematics.w_b[i] - x[STATE.gyr_bias_b + i] - 0.5 * tau * kinematics.alpha_b[i]
+        )
+        target[i] = tau * (
+            kinematics.w_t[i] - x[STATE.gyr_bias_t + i] - 0.5 * tau * kinematics.alpha_t[i]
+        )
     return base, target
 
 
 @inlined
 def velocity_variance(P: Array) -> float:
     """Variance of the filter's velocity."""
-    out: float = P[V_, V_] + P[V_ + 1, V_ + 1] + P[V_ + 2, V_ + 2]
+    out: float = (
+        P[ERROR.v_bt, ERROR.v_bt]
+        + P[ERROR.v_bt + 1, ERROR.v_bt + 1]
+        + P[ERROR.v_bt + 2, ERROR.v_bt + 2]
+    )
     return out
 
 
@@ -173,18 +169,24 @@ def smooth_velocity(kinematics: Kinematics, x: Array, P: Array, v: Array, dt: fl
     deviation, back_b, one = np.empty(3), np.empty(3), np.zeros(4)
     one[0] = 1.0
     for i in range(3):
-        deviation[i], back_b[i] = kinematics.v_bt[i] - v[i], -(kinematics.w_b[i] - x[XBG + i]) * dt
+        deviation[i], back_b[i] = (
+            kinematics.v_bt[i] - v[i],
+            -(kinematics.w_b[i] - x[STATE.gyr_bias_b + i]) * dt,
+        )
     deviation = multiply_vector(rotation_matrix(rotate_by(one, back_b, False)), deviation)
     for i in range(3):
-        kinematics.v_bt[i] = x[3 + i] + (1.0 - toward) * deviation[i]
+        kinematics.v_bt[i] = x[STATE.v_bt + i] + (1.0 - toward) * deviation[i]
 
 
 @inlined
 def relative_acceleration(x: Array, kinematics: Kinematics) -> Array:
     """Acceleration of the target less the base's, base axes (3,). (5.19)"""
-    out: Array = multiply_vector(rotation_matrix(x[XQ : XQ + 4]), kinematics.f_t - x[XTA : XTA + 3])
+    out: Array = multiply_vector(
+        rotation_matrix(x[STATE.q_bt : STATE.q_bt + 4]),
+        kinematics.f_t - x[STATE.acc_bias_t : STATE.acc_bias_t + 3],
+    )
     for i in range(3):
-        out[i] -= kinematics.f_b[i] - x[XBA + i]
+        out[i] -= kinematics.f_b[i] - x[STATE.acc_bias_b + i]
     return out
 
 
@@ -192,21 +194,21 @@ def relative_acceleration(x: Array, kinematics: Kinematics) -> Array:
 def state_delayed(x: Array, kinematics: Kinematics) -> Array:
     """The state tau earlier: position and both orientations; velocity and the rest are unchanged."""
     base, target = rotation_over_latency(x, kinematics)
-    tau, out = x[-1], x.copy()
+    tau, out = x[LATENCY], x.copy()
     one = np.zeros(4)
     one[0] = 1.0
     pulled, p = relative_acceleration(x, kinematics), np.empty(3)
     for i in range(3):
-        p[i] = x[i] - tau * x[3 + i] + 0.5 * tau * tau * pulled[i]
+        p[i] = x[i] - tau * x[STATE.v_bt + i] + 0.5 * tau * tau * pulled[i]
     p = multiply_vector(rotation_matrix(rotate_by(one, base, False)), p)
     q_bt, q_gb = (
-        rotate_by(rotate_by(x[XQ : XQ + 4], base, True), -target, False),
-        rotate_by(x[XGB : XGB + 4], -base, False),
+        rotate_by(rotate_by(x[STATE.q_bt : STATE.q_bt + 4], base, True), -target, False),
+        rotate_by(x[STATE.q_gb : STATE.q_gb + 4], -base, False),
     )
     for i in range(3):
         out[i] = p[i]
     for i in range(4):
-        out[XQ + i], out[XGB + i] = q_bt[i], q_gb[i]
+        out[STATE.q_bt + i], out[STATE.q_gb + i] = q_bt[i], q_gb[i]
     return out
 
 
@@ -227,7 +229,7 @@ def state_at_reading(x: Array, kinematics: Kinematics, age: float) -> tuple[Arra
     """The state to which a reading belongs that is `age` s old by its time stamp, and its
     Jacobian."""
     late = x.copy()
-    late[-1] += age
+    late[LATENCY] += age
     then = state_delayed(late, kinematics)
     return then, delay_jacobian(late, then, kinematics)
 
@@ -244,10 +246,13 @@ def delay_jacobian(x: Array, then: Array, kinematics: Kinematics) -> DelayJacobi
     )
     far = multiply_matrices(
         C,
-        multiply_matrices(rotation_matrix(x[XQ : XQ + 4]), skew(kinematics.f_t - x[XTA : XTA + 3])),
+        multiply_matrices(
+            rotation_matrix(x[STATE.q_bt : STATE.q_bt + 4]),
+            skew(kinematics.f_t - x[STATE.acc_bias_t : STATE.acc_bias_t + 3]),
+        ),
     )
     place, turn_t, turn_b = derivatives_by_latency(x, then, kinematics, C)
-    return DelayJacobian(x[-1], C, U, far, place, turn_t, turn_b)
+    return DelayJacobian(x[LATENCY], C, U, far, place, turn_t, turn_b)
 
 
 @inlined
@@ -256,17 +261,17 @@ def derivatives_by_latency(
 ) -> tuple[Array, Array, Array]:
     """Of position and of the orientations of target and base, (3,) each; zero where readings must
     not inform latency. C (3, 3): base axes now to base axes then."""
-    tau, pulled = x[-1], relative_acceleration(x, kinematics)
+    tau, pulled = x[LATENCY], relative_acceleration(x, kinematics)
     w, u, v = np.empty(3), np.empty(3), np.empty(3)
     for i in range(3):
         w[i], u[i] = (
-            kinematics.w_b[i] - x[XBG + i] - tau * kinematics.alpha_b[i],
-            kinematics.w_t[i] - x[XTG + i] - tau * kinematics.alpha_t[i],
+            kinematics.w_b[i] - x[STATE.gyr_bias_b + i] - tau * kinematics.alpha_b[i],
+            kinematics.w_t[i] - x[STATE.gyr_bias_t + i] - tau * kinematics.alpha_t[i],
         )
         v[i] = kinematics.v_bt[i] - tau * pulled[i]
     v, about, carried = (
         multiply_vector(C, v),
-        multiply_transposed(rotation_matrix(then[XQ : XQ + 4]), w),
+        multiply_transposed(rotation_matrix(then[STATE.q_bt : STATE.q_bt + 4]), w),
         multiply_vector(skew(w), then[0:3]),
     )
     active = 1.0 if kinematics.latency_mode > IGNORED else 0.0
@@ -279,7 +284,11 @@ def derivatives_by_latency(
 def map_jacobian_to_now(delay: DelayJacobian, H: Array) -> None:
     """Turn a Jacobian H (3, errors) by the errors of the delayed state into one by the errors of
     now, in place."""
-    Hp, Ht, Hg = H[:, P_ : P_ + 3].copy(), H[:, TH : TH + 3].copy(), H[:, THG : THG + 3].copy()
+    Hp, Ht, Hg = (
+        H[:, ERROR.p_bt : ERROR.p_bt + 3].copy(),
+        H[:, ERROR.th_bt : ERROR.th_bt + 3].copy(),
+        H[:, ERROR.th_gb : ERROR.th_gb + 3].copy(),
+    )
     late = (
         multiply_vector(Hp, delay.place)
         + multiply_vector(Ht, delay.target)
@@ -290,10 +299,10 @@ def map_jacobian_to_now(delay: DelayJacobian, H: Array) -> None:
         multiply_matrices(Ht, delay.U),
         multiply_matrices(Hp, delay.far),
     )
-    block(1.0, HpC, 0, P_, H)
-    block(-delay.tau, HpC, 0, V_, H)
-    block(1.0, multiply_matrices(Hg, delay.C), 0, THG, H)
+    block(1.0, HpC, 0, ERROR.p_bt, H)
+    block(-delay.tau, HpC, 0, ERROR.v_bt, H)
+    block(1.0, multiply_matrices(Hg, delay.C), 0, ERROR.th_gb, H)
     for i in range(3):
         H[i, H.shape[1] - 1] = late[i]
         for j in range(3):
-            H[i, TH + j] = HtU[i, j] - 0.5 * delay.tau**2 * far[i, j]
+            H[i, ERROR.th_bt + j] = HtU[i, j] - 0.5 * delay.tau**2 * far[i, j]

@@ -10,23 +10,13 @@ Leaves  the Jacobian of a known position is taken three quarters of the way to t
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from handscope.estimators.magnet.tracker.latency import Kinematics
 from handscope.estimators.magnet.tracker.measurement_model import compute_innovations
-from handscope.estimators.magnet.tracker.state import (
-    B_,
-    P_,
-    TH,
-    XB,
-    XGB,
-    XL,
-    XM,
-    XQ,
-    NoiseModel,
-    inject_error,
-)
+from handscope.estimators.magnet.tracker.state import ERROR, STATE, NoiseModel, inject_error
 from handscope.estimators.numerics.constants import MU0_4PI
 from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.kalman import downdate_covariance, innovation_gain
@@ -141,70 +131,97 @@ def grid_coordinate(k: int) -> float:
     return u * math.sqrt(abs(u))
 
 
+class GridTerms(NamedTuple):
+    """What the cost of all grid points has in common."""
+
+    moment: Array  # (3,) A m^2, base axes
+    arm: Array  # (3,) m, from the hand's sensor to the magnet
+    B_b: Array  # (3,) T, ambient field
+    places: Array  # (3 L,) m, of the magnetometers
+    tilt: float  # rad^2, variance of the hand's orientation
+    common: float  # T^2, variance of the ambient field, an error common to all magnetometers
+    variance: float  # T^2, of a single reading
+
+
+@inlined
+def grid_terms(s: NoiseModel, x: Array, P: Array, magnetometers: int) -> GridTerms:
+    """Of state x and covariance P."""
+    R, first = (
+        rotation_matrix(x[STATE.q_bt : STATE.q_bt + 4]),
+        STATE.residuals + 3 * magnetometers,
+    )
+    th, B = ERROR.th_bt, ERROR.B_g
+    return GridTerms(
+        multiply_vector(R, x[STATE.moment : STATE.moment + 3]),
+        multiply_vector(R, x[STATE.lever : STATE.lever + 3]),
+        multiply_transposed(
+            rotation_matrix(x[STATE.q_gb : STATE.q_gb + 4]), x[STATE.B_g : STATE.B_g + 3]
+        ),
+        x[first : first + 3 * magnetometers],
+        P[th, th] + P[th + 1, th + 1] + P[th + 2, th + 2],
+        (P[B, B] + P[B + 1, B + 1] + P[B + 2, B + 2]) / 3,
+        s.single**2,
+    )
+
+
 @inlined
 def candidate_positions(s: NoiseModel, x: Array, P: Array, mag: Array, centre: Array) -> Array:
     """Errors (8, errors), zero but for the position: the best fit to the readings in each octant of
     the workspace."""
-    best, lowest, where, innovation = (
-        np.zeros((8, len(P))),
-        np.full(8, math.inf),
-        np.zeros(3),
-        np.zeros(3),
-    )
-    R = rotation_matrix(x[XQ : XQ + 4])
-    m, arm, B_b = (
-        multiply_vector(R, x[XM : XM + 3]),
-        multiply_vector(R, x[XM + 3 : XM + 6]),
-        multiply_transposed(rotation_matrix(x[XGB : XGB + 4]), x[XB : XB + 3]),
-    )
-    first = XL + 3 * len(mag)
-    tilt = P[TH, TH] + P[TH + 1, TH + 1] + P[TH + 2, TH + 2]
-    common = (
-        P[B_, B_] + P[B_ + 1, B_ + 1] + P[B_ + 2, B_ + 2]
-    ) / 3  # of the ambient field, an error common to all magnetometers
-    weighted = np.zeros(3)
+    best, lowest, where = np.zeros((8, len(P))), np.full(8, math.inf), np.zeros(3)
+    terms, work = grid_terms(s, x, P, len(mag)), np.empty((2, 3))
     for a in range(GRID):
         where[0] = centre[0] + s.reach * grid_coordinate(a)
         for b in range(GRID):
             where[1] = centre[1] + s.reach * grid_coordinate(b)
             for c in range(GRID):
                 where[2] = centre[2] + s.reach * grid_coordinate(c)
-                cost, weight = 0.0, 0.0
-                for i in range(3):
-                    weighted[i] = 0.0
-                for k in range(len(mag)):
-                    if math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2]):
-                        continue
-                    square, along, field_strength = 1e-4, 0.0, 0.0
-                    for i in range(3):
-                        r = where[i] + arm[i] - x[first + 3 * k + i]
-                        square += r * r
-                        along += r * m[i]
-                    for i in range(3):
-                        own = (
-                            MU0_4PI
-                            * (
-                                3 * along * (where[i] + arm[i] - x[first + 3 * k + i])
-                                - square * m[i]
-                            )
-                            / square**2.5
-                        )
-                        field_strength += own * own
-                        innovation[i] = mag[k, i] - B_b[i] - own
-                    variance = (
-                        s.single**2 + (tilt + 0.25) * field_strength
-                    )  # half the field: between grid points
-                    weight += 1.0 / variance
-                    cost += 3 * math.log(variance)
-                    for i in range(3):
-                        cost += innovation[i] ** 2 / variance
-                        weighted[i] += innovation[i] / variance
-                cost += 3 * math.log(1.0 + common * weight)
-                for i in range(3):
-                    cost -= common * weighted[i] ** 2 / (1.0 + common * weight)
+                cost = grid_point_cost(terms, where, mag, work)
                 octant = 4 * (2 * a // GRID) + 2 * (2 * b // GRID) + 2 * c // GRID
                 if cost < lowest[octant]:
                     lowest[octant] = cost
                     for i in range(3):
-                        best[octant, P_ + i] = where[i] - x[i]
+                        best[octant, ERROR.p_bt + i] = where[i] - x[STATE.p_bt + i]
     return best
+
+
+@inlined
+def grid_point_cost(terms: GridTerms, where: Array, mag: Array, work: Array) -> float:
+    """Normalised innovation squared of a position, with the logarithm of its variance; work (2, 3)
+    is filled."""
+    cost, weight, weighted, innovation = 0.0, 0.0, work[0], work[1]
+    for i in range(3):
+        weighted[i] = 0.0
+    for k in range(len(mag)):
+        if math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2]):
+            continue
+        field_square = grid_innovation(terms, where, k, mag, innovation)
+        variance = (
+            terms.variance + (terms.tilt + 0.25) * field_square
+        )  # half the field: between grid points
+        weight += 1.0 / variance
+        cost += 3 * math.log(variance)
+        for i in range(3):
+            cost += innovation[i] ** 2 / variance
+            weighted[i] += innovation[i] / variance
+    cost += 3 * math.log(1.0 + terms.common * weight)
+    for i in range(3):
+        cost -= terms.common * weighted[i] ** 2 / (1.0 + terms.common * weight)
+    return cost
+
+
+@inlined
+def grid_innovation(terms: GridTerms, where: Array, k: int, mag: Array, innovation: Array) -> float:
+    """Fill the innovation of magnetometer k with the hand at a position; returns the square of the
+    magnet's field there, T^2."""
+    m, square, along, field_square = terms.moment, 1e-4, 0.0, 0.0
+    for i in range(3):
+        r = where[i] + terms.arm[i] - terms.places[3 * k + i]
+        square += r * r
+        along += r * m[i]
+    for i in range(3):
+        r = where[i] + terms.arm[i] - terms.places[3 * k + i]
+        own = MU0_4PI * (3 * along * r - square * m[i]) / square**2.5
+        field_square += own * own
+        innovation[i] = mag[k, i] - terms.B_b[i] - own
+    return field_square

@@ -16,23 +16,7 @@ from handscope.estimators.magnet.tracker.latency import (
     map_jacobian_to_now,
     state_at_reading,
 )
-from handscope.estimators.magnet.tracker.state import (
-    B_,
-    GRAD,
-    LEV,
-    MOM,
-    OWN,
-    P_,
-    TH,
-    THG,
-    XB,
-    XG,
-    XGB,
-    XL,
-    XM,
-    XQ,
-    NoiseModel,
-)
+from handscope.estimators.magnet.tracker.state import ERROR, OWN, STATE, NoiseModel
 from handscope.estimators.numerics.constants import MU0_4PI
 from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.kernels import (
@@ -52,7 +36,7 @@ TWO, SIX = math.sqrt(1 / 2), math.sqrt(1 / 6)  # five gradients of equal size
 @inlined
 def magnetometers(x: Array) -> int:
     """Number of magnetometers in a state."""
-    return (len(x) - XL - 1) // 6
+    return (len(x) - STATE.residuals - 1) // 6
 
 
 class CommonTerms(NamedTuple):
@@ -71,31 +55,22 @@ class CommonTerms(NamedTuple):
 @inlined
 def common_terms(x: Array) -> CommonTerms:
     """What readings of all magnetometers have in common at one state."""
-    R, R_gb, S = (
-        rotation_matrix(x[XQ : XQ + 4]),
-        rotation_matrix(x[XGB : XGB + 4]),
-        np.empty((3, 3)),
+    R, R_gb = (
+        rotation_matrix(x[STATE.q_bt : STATE.q_bt + 4]),
+        rotation_matrix(x[STATE.q_gb : STATE.q_gb + 4]),
     )
-    moment, lever = x[XM : XM + 3], x[XM + 3 : XM + 6]
-    S[0, 1], S[0, 2], S[1, 2] = (
-        TWO * x[XG],
-        TWO * x[XG + 1],
-        TWO * x[XG + 2],
-    )  # xy, xz, yz, then xx - yy, xx + yy - 2 zz
-    S[0, 0], S[1, 1], S[2, 2] = (
-        TWO * x[XG + 3] + SIX * x[XG + 4],
-        SIX * x[XG + 4] - TWO * x[XG + 3],
-        -2 * SIX * x[XG + 4],
+    moment, lever = (
+        x[STATE.moment : STATE.moment + 3],
+        x[STATE.lever : STATE.lever + 3],
     )
-    S[1, 0], S[2, 0], S[2, 1] = S[0, 1], S[0, 2], S[1, 2]
+    S = field_gradient(x[STATE.gradients : STATE.gradients + 5])
     S_b = multiply_matrices(transpose(R_gb), multiply_matrices(S, R_gb))
-    B_b = multiply_transposed(R_gb, x[XB : XB + 3])
     return CommonTerms(
         R,
         R_gb,
         multiply_vector(R, moment),
         multiply_vector(R, lever),
-        B_b,
+        multiply_transposed(R_gb, x[STATE.B_g : STATE.B_g + 3]),
         S_b,
         multiply_matrices(R, skew(lever)),
         multiply_matrices(R, skew(moment)),
@@ -103,13 +78,46 @@ def common_terms(x: Array) -> CommonTerms:
 
 
 @inlined
+def field_gradient(g: Array) -> Array:
+    """Gradient (3, 3) of the ambient field, global axes, of its five values: xy, xz, yz, then
+    xx - yy, xx + yy - 2 zz."""
+    S = np.empty((3, 3))
+    S[0, 1], S[0, 2], S[1, 2] = TWO * g[0], TWO * g[1], TWO * g[2]
+    S[0, 0], S[1, 1], S[2, 2] = TWO * g[3] + SIX * g[4], SIX * g[4] - TWO * g[3], -2 * SIX * g[4]
+    S[1, 0], S[2, 0], S[2, 1] = S[0, 1], S[0, 2], S[1, 2]
+    return S
+
+
+@inlined
 def predict_reading(x: Array, at: CommonTerms, k: int, H: Array) -> Array:
     """Predicted reading of magnetometer k, base axes (3,); fills its Jacobian H (3, errors).
     (5.7)-(5.15), (5.24)"""
-    residual, place, m = XL + 3 * k, XL + 3 * (magnetometers(x) + k), at.moment
-    r = np.empty(3)
+    residual, place = STATE.residuals + 3 * k, STATE.residuals + 3 * (magnetometers(x) + k)
+    J, D = dipole_derivatives(x, at, x[place : place + 3])
+    clear(H)
+    block(1.0, D, 0, ERROR.p_bt, H)
+    slopes, room = room_field(x, at, x[place : place + 3], H)
+    by_lever, by_moment = multiply_matrices(D, at.by_lever), multiply_matrices(J, at.by_moment)
+    reads: Array = multiply_vector(J, at.moment)
     for i in range(3):
-        r[i] = x[i] + at.arm[i] - x[place + i]
+        H[i, OWN + residual - STATE.moment + i] = 1.0
+        for j in range(3):
+            H[i, OWN + place - STATE.moment + j] = slopes[i, j] - D[i, j]
+            H[i, ERROR.th_bt + j] = -by_lever[i, j] - by_moment[i, j]
+            H[i, ERROR.B_g + j] = at.R_gb[j, i]
+        reads[i] += room[i] + x[residual + i]
+    block(1.0, multiply_matrices(J, at.R), 0, ERROR.moment, H)
+    block(1.0, multiply_matrices(D, at.R), 0, ERROR.lever, H)
+    return reads
+
+
+@inlined
+def dipole_derivatives(x: Array, at: CommonTerms, place: Array) -> tuple[Array, Array]:
+    """Of the magnet's field at a magnetometer, by moment and by position (3, 3), (3, 3), base
+    axes. (5.7)"""
+    m, r = at.moment, np.empty(3)
+    for i in range(3):
+        r[i] = x[STATE.p_bt + i] + at.arm[i] - place[i]
     square = max(
         r[0] * r[0] + r[1] * r[1] + r[2] * r[2], 1e-4
     )  # nearer than a centimetre is inside the housing
@@ -122,46 +130,16 @@ def predict_reading(x: Array, at: CommonTerms, k: int, H: Array) -> Array:
             D[i, j] = 3 * k5 * (r[i] * m[j] + m[i] * r[j] - 5 * along * r[i] * r[j] / square)
         J[i, i] -= k5 * square
         D[i, i] += 3 * k5 * along
-    clear(H)
-    block(1.0, D, 0, P_, H)
-    slopes, room = room_field(x, at, x[place : place + 3], H)
-    by_lever, by_moment = multiply_matrices(D, at.by_lever), multiply_matrices(J, at.by_moment)
-    reads: Array = multiply_vector(J, m)
-    for i in range(3):
-        H[i, OWN + residual - XM + i] = 1.0
-        for j in range(3):
-            H[i, OWN + place - XM + j] = slopes[i, j] - D[i, j]
-            H[i, TH + j] = -by_lever[i, j] - by_moment[i, j]
-            H[i, B_ + j] = at.R_gb[j, i]
-        reads[i] += room[i] + x[residual + i]
-    block(1.0, multiply_matrices(J, at.R), 0, MOM, H)
-    block(1.0, multiply_matrices(D, at.R), 0, LEV, H)
-    return reads
+    return J, D
 
 
 @inlined
 def room_field(x: Array, at: CommonTerms, place: Array, H: Array) -> tuple[Array, Array]:
     """Gradient (3, 3) and value (3,) of the ambient field at a magnetometer, base axes; fills its
-    Jacobian by trunk orientation and gradients. A field without curl and divergence has five;
-    calibrations add one."""
-    p, steep, steep_b = multiply_vector(at.R_gb, place), np.zeros((3, 6)), np.zeros((3, 6))
-    steep[0, 0], steep[1, 0], steep[0, 1], steep[2, 1] = (
-        TWO * p[1],
-        TWO * p[0],
-        TWO * p[2],
-        TWO * p[0],
-    )
-    steep[1, 2], steep[2, 2], steep[0, 3], steep[1, 3] = (
-        TWO * p[2],
-        TWO * p[1],
-        TWO * p[0],
-        -TWO * p[1],
-    )
-    steep[0, 4], steep[1, 4], steep[2, 4] = SIX * p[0], SIX * p[1], -2 * SIX * p[2]
-    for i in range(3):
-        steep[i, 5] = p[i]
-    product(transpose(at.R_gb), steep, steep_b)
-    block(1.0, steep_b, 0, GRAD, H)
+    Jacobian by trunk orientation and gradients."""
+    steep_b, calibration = np.zeros((3, 6)), x[STATE.gradients + 5]
+    product(transpose(at.R_gb), field_by_gradients(multiply_vector(at.R_gb, place)), steep_b)
+    block(1.0, steep_b, 0, ERROR.gradients, H)
     field_change, carried, field, slopes = (
         multiply_vector(at.S_b, place),
         multiply_matrices(at.S_b, skew(place)),
@@ -170,11 +148,26 @@ def room_field(x: Array, at: CommonTerms, place: Array, H: Array) -> tuple[Array
     )
     turning, about = skew(at.B_b), skew(field_change)
     for i in range(3):
-        field[i] = at.B_b[i] + field_change[i] + x[XG + 5] * place[i]
+        field[i] = at.B_b[i] + field_change[i] + calibration * place[i]
         for j in range(3):
-            H[i, THG + j] = turning[i, j] + about[i, j] - carried[i, j]
-        slopes[i, i] += x[XG + 5]
+            H[i, ERROR.th_gb + j] = turning[i, j] + about[i, j] - carried[i, j]
+        slopes[i, i] += calibration
     return slopes, field
+
+
+@inlined
+def field_by_gradients(p: Array) -> Array:
+    """Derivative (3, 6) of the ambient field at p (3,), global axes. A field without curl and
+    divergence has five gradients; calibrations add one."""
+    steep = np.zeros((3, 6))
+    steep[0, 0], steep[1, 0] = TWO * p[1], TWO * p[0]
+    steep[0, 1], steep[2, 1] = TWO * p[2], TWO * p[0]
+    steep[1, 2], steep[2, 2] = TWO * p[2], TWO * p[1]
+    steep[0, 3], steep[1, 3] = TWO * p[0], -TWO * p[1]
+    steep[0, 4], steep[1, 4], steep[2, 4] = SIX * p[0], SIX * p[1], -2 * SIX * p[2]
+    for i in range(3):
+        steep[i, 5] = p[i]
+    return steep
 
 
 @inlined

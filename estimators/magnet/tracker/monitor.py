@@ -16,17 +16,7 @@ from handscope.estimators.magnet.tracker.measurement_model import (
     count_axes,
     magnetometers,
 )
-from handscope.estimators.magnet.tracker.state import (
-    LEV,
-    P_,
-    TH,
-    V_,
-    XB,
-    XL,
-    XM,
-    XQ,
-    NoiseModel,
-)
+from handscope.estimators.magnet.tracker.state import ERROR, STATE, NoiseModel
 from handscope.estimators.numerics.constants import MU0_4PI
 from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.kalman import innovation_gain
@@ -67,9 +57,28 @@ class InnovationMonitor(NamedTuple):
 
 
 @inlined
+def with_field(monitor: InnovationMonitor, field: FieldStatistics) -> InnovationMonitor:
+    """The same with other statistics of the field."""
+    m = monitor
+    return InnovationMonitor(m.mean_nis, m.lost_time, m.silent_time, m.search_delay, field)
+
+
+@inlined
+def with_silence(monitor: InnovationMonitor, dt: float, search_delay: float) -> InnovationMonitor:
+    """The same after dt without a usable reading."""
+    m = monitor
+    return InnovationMonitor(m.mean_nis, m.lost_time, m.silent_time + dt, search_delay, m.field)
+
+
+@inlined
 def is_lost(P: Array) -> bool:
     """Whether the position is so uncertain that it is searched in the whole workspace."""
-    return bool(P[P_, P_] + P[P_ + 1, P_ + 1] + P[P_ + 2, P_ + 2] > LOST_SD**2)
+    return bool(
+        P[ERROR.p_bt, ERROR.p_bt]
+        + P[ERROR.p_bt + 1, ERROR.p_bt + 1]
+        + P[ERROR.p_bt + 2, ERROR.p_bt + 2]
+        > LOST_SD**2
+    )
 
 
 @inlined
@@ -79,9 +88,12 @@ def reset_position(s: NoiseModel, x: Array, P: Array, centre: Array, turn: float
         for j in range(len(P)):
             P[i, j] = P[j, i] = 0.0
     for i in range(3):
-        P[P_ + i, P_ + i], P[V_ + i, V_ + i] = s.reach**2 / 3, s.reach_speed**2
-        P[TH + i, TH + i] += turn**2
-        x[P_ + i], x[V_ + i] = centre[i], 0.0
+        P[ERROR.p_bt + i, ERROR.p_bt + i], P[ERROR.v_bt + i, ERROR.v_bt + i] = (
+            s.reach**2 / 3,
+            s.reach_speed**2,
+        )
+        P[ERROR.th_bt + i, ERROR.th_bt + i] += turn**2
+        x[ERROR.p_bt + i], x[ERROR.v_bt + i] = centre[i], 0.0
 
 
 @inlined
@@ -106,7 +118,11 @@ def linearisation_variance(x: Array, P: Array) -> float:
         DIPOLE_CURVATURE
         * field_strength(x, away)
         / away**2
-        * (P[P_, P_] + P[P_ + 1, P_ + 1] + P[P_ + 2, P_ + 2])
+        * (
+            P[ERROR.p_bt, ERROR.p_bt]
+            + P[ERROR.p_bt + 1, ERROR.p_bt + 1]
+            + P[ERROR.p_bt + 2, ERROR.p_bt + 2]
+        )
         / 3
     )
     return by_place**2 / 2  # (e^2 - E e^2) / 2 has half the square of e's variance
@@ -119,21 +135,26 @@ def error_correlation_samples(P: Array, dt: float) -> float:
     that none has."""
     place, speed = 0.0, 0.0
     for i in range(3):
-        place, speed = place + P[P_ + i, P_ + i], speed + P[V_ + i, V_ + i]
+        place, speed = (
+            place + P[ERROR.p_bt + i, ERROR.p_bt + i],
+            speed + P[ERROR.v_bt + i, ERROR.v_bt + i],
+        )
     return max(1.0, math.sqrt(place / speed) / dt)
 
 
 @inlined
-def is_observable(s: NoiseModel, x: Array, P: Array, audible: float, straight: float) -> bool:
+def is_observable(s: NoiseModel, x: Array, P: Array, lost: bool) -> bool:
     """Whether readings determine the magnet's position: sd below a share of its distance, as the
     dipole is not linear beyond, and field above a multiple of the noise, which does not average
-    out."""
-    nearest, J, known = nearest_distance(x), np.zeros((3, LEV + 3)), np.empty((3, 3))
-    loud, R = field_strength(x, nearest), rotation_matrix(x[XQ : XQ + 4])
+    out. More is asked of a lost one."""
+    audible = MIN_SIGNAL_LOST if lost else MIN_SIGNAL
+    straight = MAX_SD_SHARE_LOST if lost else MAX_SD_SHARE
+    nearest, J, known = nearest_distance(x), np.zeros((3, ERROR.lever + 3)), np.empty((3, 3))
+    loud, R = field_strength(x, nearest), rotation_matrix(x[STATE.q_bt : STATE.q_bt + 4])
     for i in range(3):
-        J[i, P_ + i] = 1.0
-    block(1.0, R, 0, LEV, J)
-    block(-1.0, multiply_matrices(R, skew(x[XM + 3 : XM + 6])), 0, TH, J)
+        J[i, ERROR.p_bt + i] = 1.0
+    block(1.0, R, 0, ERROR.lever, J)
+    block(-1.0, multiply_matrices(R, skew(x[STATE.lever : STATE.lever + 3])), 0, ERROR.th_bt, J)
     spread(J, P, known)
     return bool(
         known[0, 0] + known[1, 1] + known[2, 2] < (straight * nearest) ** 2
@@ -146,7 +167,7 @@ def nearest_distance(x: Array) -> float:
     """From the hand's sensor to the nearest magnetometer, m."""
     nearest, many = math.inf, magnetometers(x)
     for k in range(many):
-        first, square = XL + 3 * (many + k), 0.0
+        first, square = STATE.residuals + 3 * (many + k), 0.0
         for i in range(3):
             square += (x[i] - x[first + i]) ** 2
         nearest = min(nearest, square)
@@ -156,7 +177,11 @@ def nearest_distance(x: Array) -> float:
 @inlined
 def field_strength(x: Array, away: float) -> float:
     """Field beside the magnet, T; twice that on its axis. (5.7)"""
-    return MU0_4PI * math.sqrt(x[XM] ** 2 + x[XM + 1] ** 2 + x[XM + 2] ** 2) / max(away, 0.01) ** 3
+    return (
+        MU0_4PI
+        * math.sqrt(x[STATE.moment] ** 2 + x[STATE.moment + 1] ** 2 + x[STATE.moment + 2] ** 2)
+        / max(away, 0.01) ** 3
+    )
 
 
 @inlined
@@ -166,8 +191,8 @@ def field_inhomogeneity(
     """Statistics with the field of state x, and the standard deviation of the field between
     positions, T."""
     time = min(field.time + dt, INHOMOGENEITY_MEMORY)
-    mean_y, square_y = moving_moments(field.mean_y, field.square_y, x[XB + 1], dt / time)
-    mean_z, square_z = moving_moments(field.mean_z, field.square_z, x[XB + 2], dt / time)
+    mean_y, square_y = moving_moments(field.mean_y, field.square_y, x[STATE.B_g + 1], dt / time)
+    mean_z, square_z = moving_moments(field.mean_z, field.square_z, x[STATE.B_g + 2], dt / time)
     sd = math.sqrt(0.5 * square_y + 0.5 * square_z)
     return FieldStatistics(time, mean_y, mean_z, square_y, square_z), sd
 

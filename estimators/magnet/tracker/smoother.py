@@ -16,29 +16,7 @@ import numpy as np
 from handscope.estimators.magnet.tracker.history import Trace, make_trace, split_covariance
 from handscope.estimators.magnet.tracker.initialisation import declared_values
 from handscope.estimators.magnet.tracker.options import MagnetParams
-from handscope.estimators.magnet.tracker.state import (
-    B_,
-    BBA,
-    BBG,
-    BTA,
-    BTG,
-    OWN,
-    P_,
-    TH,
-    THG,
-    V_,
-    VB,
-    XB,
-    XBA,
-    XBG,
-    XGB,
-    XM,
-    XQ,
-    XTA,
-    XTG,
-    XVB,
-    inject_error,
-)
+from handscope.estimators.magnet.tracker.state import ERROR, OWN, STATE, inject_error
 from handscope.estimators.magnet.tracker.tracker import (
     Readings,
     State,
@@ -57,7 +35,7 @@ ROWS = 4000  # samples of a chunk: 40 s at 100 Hz
 
 def smooth(params: MagnetParams, state: State, readings: Readings) -> tuple[State, Track]:
     """Filter and smooth a whole recording; errors as `tracker.step`."""
-    size = XM + len(declared_values(state.setup))
+    size = STATE.moment + len(declared_values(state.setup))
     behind: tuple[Track, Trace] | None = None
     done: list[Track] = []
     for first in range(0, max(len(readings.t), 1), ROWS):
@@ -100,15 +78,15 @@ def _smooth_chunk(end: State, track: Track, trace: Trace, later: Trace) -> Track
         )  # inflated as the filter's
     return replace(
         track,
-        p_bt=x[:, 0:3],
-        v_bt=x[:, 3:6],
-        q_bt=x[:, XQ : XQ + 4],
-        q_gb=x[:, XGB : XGB + 4],
-        field=x[:, XB : XB + 3],
-        p_sd=sd[:, P_ : P_ + 3],
-        v_sd=sd[:, V_ : V_ + 3],
-        q_bt_sd=sd[:, TH : TH + 3],
-        q_gb_sd=sd[:, THG : THG + 3],
+        p_bt=x[:, STATE.p_bt : STATE.p_bt + 3],
+        v_bt=x[:, STATE.v_bt : STATE.v_bt + 3],
+        q_bt=x[:, STATE.q_bt : STATE.q_bt + 4],
+        q_gb=x[:, STATE.q_gb : STATE.q_gb + 4],
+        field=x[:, STATE.B_g : STATE.B_g + 3],
+        p_sd=sd[:, ERROR.p_bt : ERROR.p_bt + 3],
+        v_sd=sd[:, ERROR.v_bt : ERROR.v_bt + 3],
+        q_bt_sd=sd[:, ERROR.th_bt : ERROR.th_bt + 3],
+        q_gb_sd=sd[:, ERROR.th_gb : ERROR.th_gb + 3],
     )
 
 
@@ -146,19 +124,30 @@ def rts_backward_pass(
 def state_difference(x: Array, other: Array, difference: Array) -> None:
     """Fill the errors (30,) that `inject_error` needs to go from `other` to x."""
     for i in range(3):
-        difference[P_ + i], difference[V_ + i] = x[i] - other[i], x[3 + i] - other[3 + i]
-        difference[B_ + i] = x[XB + i] - other[XB + i]
-        difference[BTG + i], difference[BTA + i] = (
-            x[XTG + i] - other[XTG + i],
-            x[XTA + i] - other[XTA + i],
+        difference[ERROR.p_bt + i], difference[ERROR.v_bt + i] = (
+            x[i] - other[i],
+            x[STATE.v_bt + i] - other[STATE.v_bt + i],
         )
-        difference[BBG + i], difference[BBA + i] = (
-            x[XBG + i] - other[XBG + i],
-            x[XBA + i] - other[XBA + i],
+        difference[ERROR.B_g + i] = x[STATE.B_g + i] - other[STATE.B_g + i]
+        difference[ERROR.gyr_bias_t + i], difference[ERROR.acc_bias_t + i] = (
+            x[STATE.gyr_bias_t + i] - other[STATE.gyr_bias_t + i],
+            x[STATE.acc_bias_t + i] - other[STATE.acc_bias_t + i],
         )
-        difference[VB + i] = x[XVB + i] - other[XVB + i]
-    rotation_difference(other[XQ : XQ + 4], x[XQ : XQ + 4], difference[TH : TH + 3])
-    rotation_difference(other[XGB : XGB + 4], x[XGB : XGB + 4], difference[THG : THG + 3])
+        difference[ERROR.gyr_bias_b + i], difference[ERROR.acc_bias_b + i] = (
+            x[STATE.gyr_bias_b + i] - other[STATE.gyr_bias_b + i],
+            x[STATE.acc_bias_b + i] - other[STATE.acc_bias_b + i],
+        )
+        difference[ERROR.v_b + i] = x[STATE.v_b + i] - other[STATE.v_b + i]
+    rotation_difference(
+        other[STATE.q_bt : STATE.q_bt + 4],
+        x[STATE.q_bt : STATE.q_bt + 4],
+        difference[ERROR.th_bt : ERROR.th_bt + 3],
+    )
+    rotation_difference(
+        other[STATE.q_gb : STATE.q_gb + 4],
+        x[STATE.q_gb : STATE.q_gb + 4],
+        difference[ERROR.th_gb : ERROR.th_gb + 3],
+    )
 
 
 @inlined

@@ -1,12 +1,8 @@
 """State of the magnet tracker, its propagation, and one scalar measurement update; compiled.
 
-State   x (45 + 6 L,) with L magnetometers: p_bt, v_bt, q_bt, B_g, b_tg, b_ta, q_gb, b_bg, b_ba,
-        v_b, then declared values that are not exact: the magnet's moment and position on the
-        target, gradients of the ambient field (g, T/m, five) and of the calibration (b, one),
-        residual of each calibration (b, T), positions of the magnetometers, latency of their
-        readings (s); P (43 + 6 L, 43 + 6 L) of the error [dp, dv, dth_bt, dB, db_tg, db_ta, dth_gb,
-        db_bg, db_ba, dv_b, dm, dp_tm, dS, dc_1.., dp_b1.., dtau], R = R^ (1 + [dth]x); v_b is the
-        trunk's velocity against the ground in its own axes
+State   x (45 + 6 L,) with L magnetometers, rows as in StateLayout; P (43 + 6 L, 43 + 6 L), rows as
+        in ErrorState. Declared values that are not exact follow the motion: magnet, gradients of the
+        ambient field, calibrations, positions of the magnetometers, latency of their readings
 Source  Kortier, thesis ch. 5, (5.2)-(5.22); the magnetometers' measurement model:
         magnetic_update.py
 Leaves  (5.22) propagates p and v as if the trunk did not rotate; here v is the difference of the
@@ -35,14 +31,51 @@ from handscope.estimators.numerics.kernels import (
 from handscope.estimators.numerics.small_matrices import block, product, put, spread
 from handscope.estimators.numerics.typing import Array
 
-P_, V_, TH, B_, BTG, BTA, THG, BBG, BBA, VB = (3 * k for k in range(10))  # rows of the error
-OWN = 30  # motion errors of trunk and hand; constant errors follow
-# moment, its position, gradients, calibrations; positions of the magnetometers follow
-MOM, LEV, GRAD, CAL = 30, 33, 36, 42
-# rows of the state after p and v
-XQ, XB, XTG, XTA, XGB, XBG, XBA, XVB = 6, 10, 13, 16, 19, 23, 26, 29
+
+class ErrorState(NamedTuple):
+    """First rows of the parts of the error state: three rows each, where nothing else is said. Turns
+    are on the right: R = R^ (1 + [dth]x)."""
+
+    p_bt: int = 0  # m
+    v_bt: int = 3  # m/s
+    th_bt: int = 6  # rad, of q_bt
+    B_g: int = 9  # T
+    gyr_bias_t: int = 12  # rad/s
+    acc_bias_t: int = 15  # m/s^2
+    th_gb: int = 18  # rad, of q_gb
+    gyr_bias_b: int = 21  # rad/s
+    acc_bias_b: int = 24  # m/s^2
+    v_b: int = 27  # m/s
+    moment: int = 30  # A m^2; from here on errors of values that are constant
+    lever: int = 33  # m
+    gradients: int = 36  # T/m, five of the ambient field and one of the calibration
+    residuals: int = 42  # T, 3 L; then m, 3 L, positions of magnetometers; s, one, latency
+
+
+class StateLayout(NamedTuple):
+    """First rows of the parts of the state: as the error state's, but for two unit quaternions."""
+
+    p_bt: int = 0  # m, of the hand's sensor, base axes
+    v_bt: int = 3  # m/s, difference of the velocities against the ground, base axes
+    q_bt: int = 6  # (4,)
+    B_g: int = 10  # T, ambient field
+    gyr_bias_t: int = 13  # rad/s
+    acc_bias_t: int = 16  # m/s^2
+    q_gb: int = 19  # (4,)
+    gyr_bias_b: int = 23  # rad/s
+    acc_bias_b: int = 26  # m/s^2
+    v_b: int = 29  # m/s, of the trunk against the ground, base axes
+    moment: int = 32  # A m^2, target axes
+    lever: int = 35  # m, from the hand's sensor to the magnet, target axes
+    gradients: int = 38  # T/m, (6,)
+    residuals: int = 44  # T, (3 L,) of the calibrations; then positions m, (3 L,), and latency
+
+
+ERROR, STATE = ErrorState(), StateLayout()
+OWN = ERROR.moment  # motion errors of trunk and hand
+LATENCY = -1  # row of the state, s; the error's, too
+
 GRADIENT_TIME = 600.0  # s, correlation time of the ambient gradients of a seated person
-XM, XG, XL = 32, 38, 44  # first state rows of MOM, GRAD and CAL
 
 
 class NoiseModel(NamedTuple):
@@ -87,22 +120,22 @@ def inject_error(x: Array, dx: Array) -> Array:
     """The state with an error injected. (5.3)"""
     out = x.copy()
     for i in range(OWN, len(dx)):
-        out[XM + i - OWN] += dx[i]
+        out[STATE.moment + i - OWN] += dx[i]
     for i in range(3):
-        out[i] += dx[P_ + i]
-        out[3 + i] += dx[V_ + i]
-        out[XB + i] += dx[B_ + i]
-        out[XTG + i] += dx[BTG + i]
-        out[XTA + i] += dx[BTA + i]
-        out[XBG + i] += dx[BBG + i]
-        out[XBA + i] += dx[BBA + i]
-        out[XVB + i] += dx[VB + i]
+        out[i] += dx[ERROR.p_bt + i]
+        out[STATE.v_bt + i] += dx[ERROR.v_bt + i]
+        out[STATE.B_g + i] += dx[ERROR.B_g + i]
+        out[STATE.gyr_bias_t + i] += dx[ERROR.gyr_bias_t + i]
+        out[STATE.acc_bias_t + i] += dx[ERROR.acc_bias_t + i]
+        out[STATE.gyr_bias_b + i] += dx[ERROR.gyr_bias_b + i]
+        out[STATE.acc_bias_b + i] += dx[ERROR.acc_bias_b + i]
+        out[STATE.v_b + i] += dx[ERROR.v_b + i]
     q_bt, q_gb = (
-        rotate_by(x[XQ : XQ + 4], dx[TH : TH + 3], False),
-        rotate_by(x[XGB : XGB + 4], dx[THG : THG + 3], False),
+        rotate_by(x[STATE.q_bt : STATE.q_bt + 4], dx[ERROR.th_bt : ERROR.th_bt + 3], False),
+        rotate_by(x[STATE.q_gb : STATE.q_gb + 4], dx[ERROR.th_gb : ERROR.th_gb + 3], False),
     )
     for i in range(4):
-        out[XQ + i], out[XGB + i] = q_bt[i], q_gb[i]
+        out[STATE.q_bt + i], out[STATE.q_gb + i] = q_bt[i], q_gb[i]
     return out
 
 
@@ -169,11 +202,11 @@ def propagate_state(s: NoiseModel, x: Array, interval: InertialInterval, F: Arra
     """The state after an interval and its Jacobian F (30, 30). (5.19)-(5.22)"""
     step, out = remove_biases(s, x, interval), x.copy()
     q_bt, q_gb = (
-        rotate_by(rotate_by(x[XQ : XQ + 4], step.back_b, True), step.turn_t, False),
-        rotate_by(x[XGB : XGB + 4], step.turn_b, False),
+        rotate_by(rotate_by(x[STATE.q_bt : STATE.q_bt + 4], step.back_b, True), step.turn_t, False),
+        rotate_by(x[STATE.q_gb : STATE.q_gb + 4], step.turn_b, False),
     )
     for i in range(4):
-        out[XQ + i], out[XGB + i] = q_bt[i], q_gb[i]
+        out[STATE.q_bt + i], out[STATE.q_gb + i] = q_bt[i], q_gb[i]
     rotations = rotations_over(s, x, out, step)
     integrate_accelerations(x, step, rotations, interval.dt, out)
     for i in range(OWN):
@@ -193,10 +226,19 @@ def remove_biases(s: NoiseModel, x: Array, interval: InertialInterval) -> Increm
     for i in range(3):
         mean_b = now.gyr_b[i] if s.mean_rates > 0.5 else 0.5 * (before.gyr_b[i] + now.gyr_b[i])
         mean_t = now.gyr_t[i] if s.mean_rates > 0.5 else 0.5 * (before.gyr_t[i] + now.gyr_t[i])
-        w_b[i], w_t[i] = (mean_b - x[XBG + i]) * dt, (mean_t - x[XTG + i]) * dt
+        w_b[i], w_t[i] = (
+            (mean_b - x[STATE.gyr_bias_b + i]) * dt,
+            (mean_t - x[STATE.gyr_bias_t + i]) * dt,
+        )
         back_b[i], back_t[i] = -w_b[i], -w_t[i]
-        f_b0[i], f_b1[i] = before.acc_b[i] - x[XBA + i], now.acc_b[i] - x[XBA + i]
-        f_t0[i], f_t1[i] = before.acc_t[i] - x[XTA + i], now.acc_t[i] - x[XTA + i]
+        f_b0[i], f_b1[i] = (
+            before.acc_b[i] - x[STATE.acc_bias_b + i],
+            now.acc_b[i] - x[STATE.acc_bias_b + i],
+        )
+        f_t0[i], f_t1[i] = (
+            before.acc_t[i] - x[STATE.acc_bias_t + i],
+            now.acc_t[i] - x[STATE.acc_bias_t + i],
+        )
     return Increments(w_b, w_t, back_b, back_t, f_b0, f_b1, f_t0, f_t1)
 
 
@@ -208,10 +250,10 @@ def rotations_over(s: NoiseModel, x: Array, after: Array, step: Increments) -> S
     return StepRotations(
         rotation_matrix(rotate_by(one, step.back_b, False)),
         rotation_matrix(rotate_by(one, step.back_t, False)),
-        rotation_matrix(x[XQ : XQ + 4]),
-        rotation_matrix(after[XQ : XQ + 4]),
-        multiply_transposed(rotation_matrix(x[XGB : XGB + 4]), up),
-        multiply_transposed(rotation_matrix(after[XGB : XGB + 4]), up),
+        rotation_matrix(x[STATE.q_bt : STATE.q_bt + 4]),
+        rotation_matrix(after[STATE.q_bt : STATE.q_bt + 4]),
+        multiply_transposed(rotation_matrix(x[STATE.q_gb : STATE.q_gb + 4]), up),
+        multiply_transposed(rotation_matrix(after[STATE.q_gb : STATE.q_gb + 4]), up),
     )
 
 
@@ -224,18 +266,18 @@ def integrate_accelerations(
     a0, a1 = multiply_vector(rotations.R0, step.f_t0), multiply_vector(rotations.R1, step.f_t1)
     v, p, u = np.empty(3), np.empty(3), np.empty(3)
     for i in range(3):
-        u[i] = x[XVB + i] + 0.5 * dt * (step.f_b0[i] - rotations.g0[i])
+        u[i] = x[STATE.v_b + i] + 0.5 * dt * (step.f_b0[i] - rotations.g0[i])
         a0[i], a1[i] = a0[i] - step.f_b0[i], a1[i] - step.f_b1[i]  # (5.19): gravity is in both
-        v[i] = x[3 + i] + 0.5 * dt * a0[i]
-        p[i] = x[i] + dt * x[3 + i] + dt * dt / 3 * a0[i]
+        v[i] = x[STATE.v_bt + i] + 0.5 * dt * a0[i]
+        p[i] = x[i] + dt * x[STATE.v_bt + i] + dt * dt / 3 * a0[i]
     v, p, u = (
         multiply_vector(rotations.C, v),
         multiply_vector(rotations.C, p),
         multiply_vector(rotations.C, u),
     )
     for i in range(3):
-        out[XVB + i] = u[i] + 0.5 * dt * (step.f_b1[i] - rotations.g1[i])
-        out[3 + i], out[i] = v[i] + 0.5 * dt * a1[i], p[i] + dt * dt / 6 * a1[i]
+        out[STATE.v_b + i] = u[i] + 0.5 * dt * (step.f_b1[i] - rotations.g1[i])
+        out[STATE.v_bt + i], out[i] = v[i] + 0.5 * dt * a1[i], p[i] + dt * dt / 6 * a1[i]
 
 
 @inlined
@@ -244,34 +286,34 @@ def fill_translation_rows(
 ) -> None:
     """Fill the rows of position and velocities of the Jacobian F; `out` is the state after."""
     C, R, f = rotations.C, multiply_matrices(rotations.C, rotations.R0), np.empty(3)
-    block(1.0, C, P_, P_, F)
-    block(1.0, C, V_, V_, F)
-    block(dt, C, P_, V_, F)
+    block(1.0, C, ERROR.p_bt, ERROR.p_bt, F)
+    block(1.0, C, ERROR.v_bt, ERROR.v_bt, F)
+    block(dt, C, ERROR.p_bt, ERROR.v_bt, F)
     for i in range(3):
         f[i] = 0.5 * (step.f_t0[i] + step.f_t1[i])
     push = multiply_matrices(R, skew(f))
-    block(-dt, push, V_, TH, F)
-    block(-0.5 * dt * dt, push, P_, TH, F)
-    block(-dt, R, V_, BTA, F)
-    block(-0.5 * dt * dt, R, P_, BTA, F)
-    block(dt, C, V_, BBA, F)
-    block(0.5 * dt * dt, C, P_, BBA, F)
-    block(-dt, skew(out[0:3]), P_, BBG, F)
-    block(-dt, skew(out[3:6]), V_, BBG, F)
-    block(1.0, C, VB, VB, F)
-    block(-dt, multiply_matrices(C, skew(rotations.g0)), VB, THG, F)
-    block(-dt, C, VB, BBA, F)
-    block(-dt, skew(out[XVB : XVB + 3]), VB, BBG, F)
+    block(-dt, push, ERROR.v_bt, ERROR.th_bt, F)
+    block(-0.5 * dt * dt, push, ERROR.p_bt, ERROR.th_bt, F)
+    block(-dt, R, ERROR.v_bt, ERROR.acc_bias_t, F)
+    block(-0.5 * dt * dt, R, ERROR.p_bt, ERROR.acc_bias_t, F)
+    block(dt, C, ERROR.v_bt, ERROR.acc_bias_b, F)
+    block(0.5 * dt * dt, C, ERROR.p_bt, ERROR.acc_bias_b, F)
+    block(-dt, skew(out[0:3]), ERROR.p_bt, ERROR.gyr_bias_b, F)
+    block(-dt, skew(out[STATE.v_bt : STATE.v_bt + 3]), ERROR.v_bt, ERROR.gyr_bias_b, F)
+    block(1.0, C, ERROR.v_b, ERROR.v_b, F)
+    block(-dt, multiply_matrices(C, skew(rotations.g0)), ERROR.v_b, ERROR.th_gb, F)
+    block(-dt, C, ERROR.v_b, ERROR.acc_bias_b, F)
+    block(-dt, skew(out[STATE.v_b : STATE.v_b + 3]), ERROR.v_b, ERROR.gyr_bias_b, F)
 
 
 @inlined
 def fill_rotation_rows(rotations: StepRotations, dt: float, F: Array) -> None:
     """Fill the rows of both orientations of the Jacobian F."""
-    block(1.0, rotations.U, TH, TH, F)
-    block(1.0, rotations.C, THG, THG, F)
+    block(1.0, rotations.U, ERROR.th_bt, ERROR.th_bt, F)
+    block(1.0, rotations.C, ERROR.th_gb, ERROR.th_gb, F)
     for i in range(3):
-        F[TH + i, BTG + i] = F[THG + i, BBG + i] = -dt
-    block(dt, transpose(rotations.R1), TH, BBG, F)
+        F[ERROR.th_bt + i, ERROR.gyr_bias_t + i] = F[ERROR.th_gb + i, ERROR.gyr_bias_b + i] = -dt
+    block(dt, transpose(rotations.R1), ERROR.th_bt, ERROR.gyr_bias_b, F)
 
 
 @inlined
@@ -279,22 +321,22 @@ def turn_rates(x: Array, now: InertialSample) -> tuple[float, float]:
     """Angular rates of base and target, rad/s."""
     base, target = 0.0, 0.0
     for i in range(3):
-        base += (now.gyr_b[i] - x[XBG + i]) ** 2
-        target += (now.gyr_t[i] - x[XTG + i]) ** 2
+        base += (now.gyr_b[i] - x[STATE.gyr_bias_b + i]) ** 2
+        target += (now.gyr_t[i] - x[STATE.gyr_bias_t + i]) ** 2
     return math.sqrt(base), math.sqrt(target)
 
 
 @inlined
 def specific_force_square(s: NoiseModel, x: Array, now: InertialSample) -> float:
     """Squared acceleration of base and target, (m/s^2)^2, both together."""
-    R = rotation_matrix(x[XQ : XQ + 4])
+    R = rotation_matrix(x[STATE.q_bt : STATE.q_bt + 4])
     up, out = np.zeros(3), 0.0
     up[2] = s.gravity
-    g_b: Array = multiply_transposed(rotation_matrix(x[XGB : XGB + 4]), up)
+    g_b: Array = multiply_transposed(rotation_matrix(x[STATE.q_gb : STATE.q_gb + 4]), up)
     g_t: Array = multiply_transposed(R, g_b)
     for i in range(3):
-        base = now.acc_b[i] - x[XBA + i] - g_b[i]
-        target = now.acc_t[i] - x[XTA + i] - g_t[i]
+        base = now.acc_b[i] - x[STATE.acc_bias_b + i] - g_b[i]
+        target = now.acc_t[i] - x[STATE.acc_bias_t + i] - g_t[i]
         out += base**2 + target**2
     return out
 
@@ -325,13 +367,16 @@ def propagate_constant_errors(s: NoiseModel, P: Array, F: Array, dt: float, w_b:
         math.exp(-w_b * dt / s.mag_correlation_angle),
         math.exp(-dt / GRADIENT_TIME),
     )
-    first, last = CAL - OWN, CAL - OWN + (len(P) - CAL - 1) // 2  # calibrations
+    first, last = (
+        ERROR.residuals - OWN,
+        ERROR.residuals - OWN + (len(P) - ERROR.residuals - 1) // 2,
+    )  # calibrations
     for j in range(len(P) - OWN):
         share = (
             mag_share
             if first <= j < last
             else gradient_share
-            if GRAD <= OWN + j < GRAD + 5
+            if ERROR.gradients <= OWN + j < ERROR.gradients + 5
             else 1.0
         )
         for i in range(OWN):
@@ -354,11 +399,11 @@ def add_gyroscope_noise(s: NoiseModel, P: Array, F: Array, dt: float, movement: 
     for i in range(OWN):
         for j in range(OWN):
             for k in range(3):
-                a = F[i, BBG + k] if not BBG <= i < VB else 0.0
-                b = F[j, BBG + k] if not BBG <= j < VB else 0.0
+                a = F[i, ERROR.gyr_bias_b + k] if not ERROR.gyr_bias_b <= i < ERROR.v_b else 0.0
+                b = F[j, ERROR.gyr_bias_b + k] if not ERROR.gyr_bias_b <= j < ERROR.v_b else 0.0
                 P[i, j] += a * b * gyr_b / dt
     for i in range(3):
-        P[TH + i, TH + i] += gyr_t * dt
+        P[ERROR.th_bt + i, ERROR.th_bt + i] += gyr_t * dt
 
 
 @inlined
@@ -369,28 +414,34 @@ def add_acceleration_noise(s: NoiseModel, P: Array, dt: float, movement: Movemen
         + s.acc_moving_slow**2 * movement.acceleration_square
     )
     for i in range(3):
-        P[V_ + i, V_ + i] += acc * dt
-        P[P_ + i, P_ + i] += acc * dt**3 / 3
-        P[P_ + i, V_ + i] += acc * dt**2 / 2
-        P[V_ + i, P_ + i] += acc * dt**2 / 2
-        P[VB + i, VB + i] += acc * dt / 2
-        P[VB + i, V_ + i] -= acc * dt / 2
-        P[V_ + i, VB + i] -= acc * dt / 2
-        P[VB + i, P_ + i] -= acc * dt**2 / 4
-        P[P_ + i, VB + i] -= acc * dt**2 / 4
+        P[ERROR.v_bt + i, ERROR.v_bt + i] += acc * dt
+        P[ERROR.p_bt + i, ERROR.p_bt + i] += acc * dt**3 / 3
+        P[ERROR.p_bt + i, ERROR.v_bt + i] += acc * dt**2 / 2
+        P[ERROR.v_bt + i, ERROR.p_bt + i] += acc * dt**2 / 2
+        P[ERROR.v_b + i, ERROR.v_b + i] += acc * dt / 2
+        P[ERROR.v_b + i, ERROR.v_bt + i] -= acc * dt / 2
+        P[ERROR.v_bt + i, ERROR.v_b + i] -= acc * dt / 2
+        P[ERROR.v_b + i, ERROR.p_bt + i] -= acc * dt**2 / 4
+        P[ERROR.p_bt + i, ERROR.v_b + i] -= acc * dt**2 / 4
 
 
 @inlined
 def add_random_walks(s: NoiseModel, P: Array, F: Array, dt: float, movement: Movement) -> None:
     """Of the ambient field and the biases; across itself the field changes as the trunk turns."""
     for i in range(3):
-        P[B_ + i, B_ + i] += (
-            s.field_walk**2 * dt if i > 0 else (1.0 - F[B_, B_] ** 2) * movement.field_change**2
+        P[ERROR.B_g + i, ERROR.B_g + i] += (
+            s.field_walk**2 * dt
+            if i > 0
+            else (1.0 - F[ERROR.B_g, ERROR.B_g] ** 2) * movement.field_change**2
         )
-        P[BTG + i, BTG + i] += s.gyr_walk**2 * dt
-        P[BBG + i, BBG + i] += s.gyr_walk**2 * dt
-        P[BTA + i, BTA + i] += (s.acc_walk**2 + s.acc_turned**2 * movement.w_t) * dt
-        P[BBA + i, BBA + i] += (s.acc_walk**2 + s.acc_turned**2 * movement.w_b) * dt
+        P[ERROR.gyr_bias_t + i, ERROR.gyr_bias_t + i] += s.gyr_walk**2 * dt
+        P[ERROR.gyr_bias_b + i, ERROR.gyr_bias_b + i] += s.gyr_walk**2 * dt
+        P[ERROR.acc_bias_t + i, ERROR.acc_bias_t + i] += (
+            s.acc_walk**2 + s.acc_turned**2 * movement.w_t
+        ) * dt
+        P[ERROR.acc_bias_b + i, ERROR.acc_bias_b + i] += (
+            s.acc_walk**2 + s.acc_turned**2 * movement.w_b
+        ) * dt
 
 
 @inlined

@@ -40,7 +40,7 @@ from handscope.estimators.magnet.tracker.latency import (
 )
 from handscope.estimators.magnet.tracker.monitor import LOST_SD, InnovationMonitor
 from handscope.estimators.magnet.tracker.options import DEG, MagnetParams, noise_model
-from handscope.estimators.magnet.tracker.state import OWN, P_, TH, THG, V_, XB, XGB, XM, XQ
+from handscope.estimators.magnet.tracker.state import ERROR, LATENCY, OWN, STATE
 from handscope.estimators.magnet.tracker.update_cycle import (
     FilterInputs,
     FilterOutputs,
@@ -194,7 +194,10 @@ def _apply_noise(params: MagnetParams, state: State, noise_samples: Array) -> St
 
 
 def _is_lost(state: State) -> bool:
-    return float(np.trace(state.covariance[P_ : P_ + 3, P_ : P_ + 3])) > LOST_SD**2
+    return (
+        float(np.trace(state.covariance[ERROR.p_bt : ERROR.p_bt + 3, ERROR.p_bt : ERROR.p_bt + 3]))
+        > LOST_SD**2
+    )
 
 
 def _restart(params: MagnetParams, state: State, noise_samples: Array, noise: float) -> State:
@@ -282,14 +285,18 @@ def _advance(
         np.ascontiguousarray(_reading_ages(readings)[first:]),
         still,
     )
-    outputs = FilterOutputs(np.empty((rows, len(x))), np.empty((rows, len(P))), np.empty(rows))
+    outputs = FilterOutputs(
+        np.empty((rows, len(x))),
+        np.empty((rows, len(P))),
+        np.empty(rows),
+        slice_trace(trace, slice(first, None)) or make_trace(0, len(x)),
+    )
     end = run_filter(
         noise_model(params, magnet_initialisation.array_span(array)),
         magnet_initialisation.workspace_centre(setup),
         begin,
         inputs,
         outputs,
-        slice_trace(trace, slice(first, None)) or make_trace(0, len(x)),
     )
     t = float(readings.t[-1]) if n else state.t
     track = _to_track(
@@ -342,9 +349,10 @@ def estimated_setup(state: State) -> Setup:
     picking and placing gives the moment to 4 %, the position hardly."""
     if state.x is None:
         return state.setup
-    x, many = state.x[XM:], state.setup.array.places.size
-    array = Constellation(x[12 + many : -1].reshape(-1, 3).copy(), state.setup.array.q_bl)
-    return replace(state.setup, array=array, magnet=Magnet(x[0:3].copy(), x[3:6].copy()))
+    x, places = state.x, STATE.residuals + state.setup.array.places.size
+    array = Constellation(x[places:LATENCY].reshape(-1, 3).copy(), state.setup.array.q_bl)
+    moment, lever = x[STATE.moment : STATE.moment + 3], x[STATE.lever : STATE.lever + 3]
+    return replace(state.setup, array=array, magnet=Magnet(moment.copy(), lever.copy()))
 
 
 def signal_strength(mag: Array, earth: float) -> Array:
@@ -377,9 +385,9 @@ def _to_track(
     mag: Array,
 ) -> Track:
     x, mean_nis = outputs.x, outputs.mean_nis
-    sd, field = np.sqrt(np.maximum(outputs.variance, 0.0)), x[:, XB : XB + 3]
+    sd, field = np.sqrt(np.maximum(outputs.variance, 0.0)), x[:, STATE.B_g : STATE.B_g + 3]
     sds = magnet_initialisation.declared_sds(params, setup)
-    deviations = np.abs(x[:, XM:] - magnet_initialisation.declared_values(setup)) / sds
+    deviations = np.abs(x[:, STATE.moment :] - magnet_initialisation.declared_values(setup)) / sds
     p_value = deviation_p_value(deviations[:, :-1], sd[:, OWN:-1] / sds[:-1])
     largest = deviations[:, :-1].max(axis=1)  # largest deviation from a declared value
     sd = sd * np.maximum(1.0, largest / ORDINARY_SD)[:, None]
@@ -388,15 +396,15 @@ def _to_track(
     )  # iron or a magnet that the filter takes for the ambient field
     rest = Track(
         readings.t[first:],
-        x[:, 0:3],
-        x[:, 3:6],
-        x[:, XQ : XQ + 4],
-        x[:, XGB : XGB + 4],
+        x[:, STATE.p_bt : STATE.p_bt + 3],
+        x[:, STATE.v_bt : STATE.v_bt + 3],
+        x[:, STATE.q_bt : STATE.q_bt + 4],
+        x[:, STATE.q_gb : STATE.q_gb + 4],
         field,
-        sd[:, P_ : P_ + 3],
-        sd[:, V_ : V_ + 3],
-        sd[:, TH : TH + 3],
-        sd[:, THG : THG + 3],
+        sd[:, ERROR.p_bt : ERROR.p_bt + 3],
+        sd[:, ERROR.v_bt : ERROR.v_bt + 3],
+        sd[:, ERROR.th_bt : ERROR.th_bt + 3],
+        sd[:, ERROR.th_gb : ERROR.th_gb + 3],
         signal_strength(mag[first:], setup.earth),
         x[:, -1],
         sd[:, -1],

@@ -41,9 +41,6 @@ from handscope.estimators.magnet.tracker.monitor import (
     LOST_NIS,
     LOST_SD,
     LOST_TURN_SD,
-    MAX_SD_SHARE,
-    MAX_SD_SHARE_LOST,
-    MIN_SIGNAL,
     MIN_SIGNAL_LOST,
     NIS_GATE,
     InnovationMonitor,
@@ -56,21 +53,14 @@ from handscope.estimators.magnet.tracker.monitor import (
     linearisation_variance,
     nearest_distance,
     reset_position,
+    with_field,
+    with_silence,
 )
 from handscope.estimators.magnet.tracker.state import (
-    B_,
+    ERROR,
     GRADIENT_TIME,
-    MOM,
     OWN,
-    P_,
-    TH,
-    THG,
-    V_,
-    VB,
-    XB,
-    XG,
-    XL,
-    XM,
+    STATE,
     InertialInterval,
     Movement,
     NoiseModel,
@@ -129,6 +119,7 @@ class FilterOutputs(NamedTuple):
     x: Array  # (n, 45 + 6 L)
     variance: Array  # (n, 43 + 6 L)
     mean_nis: Array  # (n,)
+    trace: Trace  # for the smoother; without rows where nothing is smoothed
 
 
 class Candidate(NamedTuple):
@@ -170,13 +161,10 @@ def magnetic_update(
     schmidt_update(kinematics, P, dx, C)
     out: Array = inject_error(x, dx)
     fits = not candidate.is_disputed and cost < NIS_GATE * 3 * len(mag)
-    signal, share = MIN_SIGNAL, MAX_SD_SHARE
-    if lost:
-        signal, share = MIN_SIGNAL_LOST, MAX_SD_SHARE_LOST
     is_detected = field_strength(out, nearest_distance(out)) > MIN_SIGNAL_LOST * s.single
     if candidate.is_disputed and is_detected:  # ambiguous until it moves
         out = x.copy()
-    elif fits and is_observable(s, out, C, signal, share):
+    elif fits and is_observable(s, out, C, lost):
         put(C, P)
     else:
         out = update_without_magnet(s, x, P, kinematics, mag, dt)
@@ -276,7 +264,7 @@ def ambient_innovations(
     magnetometer did not answer."""
     h, far = np.zeros((3, H.shape[1])), x.copy()
     for i in range(3):
-        far[XM + i] = 0.0
+        far[STATE.moment + i] = 0.0
     for k in range(len(mag)):
         reads = predict_delayed_reading(far, kinematics, k, h)
         there = not math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2])
@@ -285,7 +273,11 @@ def ambient_innovations(
             innovation[row] = mag[k, i] - reads[i] if there else 0.0
             for j in range(H.shape[1]):
                 H[row, j] = (
-                    h[i, j] if there and (j < P_ + 3 or j >= TH) and not MOM <= j < MOM + 3 else 0.0
+                    h[i, j]
+                    if there
+                    and (j < ERROR.p_bt + 3 or j >= ERROR.th_bt)
+                    and not ERROR.moment <= j < ERROR.moment + 3
+                    else 0.0
                 )
 
 
@@ -300,14 +292,16 @@ def workspace_pseudo_measurement(
     for i in range(3):
         outside = outside or abs(x[i] - centre[i]) > s.reach
     for i in range(3):
-        if P[P_ + i, P_ + i] > s.reach**2 / 3:
-            H[P_ + i] = 1.0
+        if P[ERROR.p_bt + i, ERROR.p_bt + i] > s.reach**2 / 3:
+            H[ERROR.p_bt + i] = 1.0
             scalar_update(P, dx, H, centre[i] - x[i], s.reach**2 / 3 / dt)  # once a second
-            H[P_ + i] = 0.0
-        if outside or P[V_ + i, V_ + i] > s.reach_speed**2:
-            H[V_ + i] = 1.0
-            scalar_update(P, dx, H, -x[3 + i], s.reach_speed**2 * s.acc_correlation_time / dt)
-            H[V_ + i] = 0.0
+            H[ERROR.p_bt + i] = 0.0
+        if outside or P[ERROR.v_bt + i, ERROR.v_bt + i] > s.reach_speed**2:
+            H[ERROR.v_bt + i] = 1.0
+            scalar_update(
+                P, dx, H, -x[STATE.v_bt + i], s.reach_speed**2 * s.acc_correlation_time / dt
+            )
+            H[ERROR.v_bt + i] = 0.0
     for i in range(6, size):  # a bound, no measurement: only position and velocity are updated
         dx[i] = 0.0
         for j in range(6, size):
@@ -317,15 +311,15 @@ def workspace_pseudo_measurement(
 
 
 @inlined
-def fill_gaps(read: Array, newest: Array, row: Array) -> float:
-    """Fill a row (12,) with what was read, or with the newest readings where a sensor did not
-    answer; returns the factor on the noise."""
+def next_interval(inputs: FilterInputs, n: int, newest: Array, row: Array) -> InertialInterval:
+    """From the newest good readings to sample n, whose readings fill a row (12,); where a sensor
+    did not answer, its newest ones do."""
     inflation = 1.0
     for i in range(12):
-        row[i] = read[i]
+        row[i] = inputs.inertial[n, i]
         if math.isnan(row[i]):
             row[i], inflation = newest[i], SILENT_INFLATION
-    return inflation
+    return InertialInterval(inertial_sample(newest), inertial_sample(row), inputs.dt[n], inflation)
 
 
 @inlined
@@ -344,31 +338,31 @@ def time_update(
     if dt > s.max_gap:
         reset_position(s, x, P, centre, 1.5 * LOST_TURN_SD)
         for i in range(3):
-            P[THG + i, THG + i] += LOST_TURN_SD**2
-            P[VB + i, VB + i] += s.trunk_speed**2
+            P[ERROR.th_gb + i, ERROR.th_gb + i] += LOST_TURN_SD**2
+            P[ERROR.v_b + i, ERROR.v_b + i] += s.trunk_speed**2
     elif dt > 0:
         x = propagate_state(s, x, interval, F)
         w_b, w_t = turn_rates(x, interval.now)
-        F[B_, B_] = math.exp(-w_b * dt / s.mag_correlation_angle)  # g turns with the field
-        decorrelate_fields(x, F[B_, B_], dt)
+        F[ERROR.B_g, ERROR.B_g] = math.exp(
+            -w_b * dt / s.mag_correlation_angle
+        )  # g turns with the field
+        decorrelate_fields(x, F[ERROR.B_g, ERROR.B_g], dt)
         field, across = field_inhomogeneity(monitor.field, x, dt)
         square = specific_force_square(s, x, interval.now)
         movement = Movement(w_b, w_t, square, max(s.field_across, across), interval.noise_inflation)
         propagate_covariance(s, P, F, dt, movement)
-        monitor = InnovationMonitor(
-            monitor.mean_nis, monitor.lost_time, monitor.silent_time, monitor.search_delay, field
-        )
+        monitor = with_field(monitor, field)
     return x, monitor
 
 
 @inlined
 def decorrelate_fields(x: Array, share: float, dt: float) -> None:
     """Field across itself and calibrations, by what the trunk's turning leaves; gradients by time."""
-    x[XB] *= share
+    x[STATE.B_g] *= share
     for i in range(3 * magnetometers(x)):
-        x[XL + i] *= share
+        x[STATE.residuals + i] *= share
     for i in range(5):
-        x[XG + i] *= math.exp(-dt / GRADIENT_TIME)
+        x[STATE.gradients + i] *= math.exp(-dt / GRADIENT_TIME)
 
 
 @inlined
@@ -428,13 +422,12 @@ def magnetometer_update(
     """Update by the magnetometers that answered, unless they contradict a known position; without
     signal a lost one is searched for now and then."""
     lost, is_relocated = is_lost(P), False
-    delay, silent_time = monitor.search_delay - dt if lost else 0.0, monitor.silent_time + dt
+    delay = monitor.search_delay - dt if lost else 0.0
     count = count_axes(mag) if delay <= 0.0 else 0
     if count == 0:
-        mean, lost_time = monitor.mean_nis, monitor.lost_time
-        return x, InnovationMonitor(mean, lost_time, silent_time, delay, monitor.field), False
+        return x, with_silence(monitor, dt, delay), False
     nis = 0.0 if lost else compute_nis(s, x, P, kinematics, mag)
-    since = min(silent_time, 0.2)
+    since = min(monitor.silent_time + dt, 0.2)
     if nis < NIS_GATE or lost:
         scale = max(1.0, monitor.mean_nis / s.nis_limit)
         x, outcome = magnetic_update(s, x, P, kinematics, mag, centre, scale, since)
@@ -474,26 +467,19 @@ def store_outputs(
 
 @looped
 def run_filter(
-    s: NoiseModel,
-    centre: Array,
-    state: FilterState,
-    inputs: FilterInputs,
-    outputs: FilterOutputs,
-    trace: Trace,
+    s: NoiseModel, centre: Array, state: FilterState, inputs: FilterInputs, outputs: FilterOutputs
 ) -> FilterState:
     """Filter all samples; fill the outputs, and the trace if it has rows. `centre` (3,) is the
     workspace's, base axes. Returns the state after the last sample."""
+    trace = outputs.trace
     x, P, kinematics, monitor = state.x, state.P, state.kinematics, state.monitor
     F, own, lasting = np.zeros((OWN, OWN)), np.empty((OWN, OWN)), np.empty((OWN, OWN))
     row, smoothed = np.zeros(12), len(trace.state) > 0
     if smoothed:
         split_covariance(P, own, lasting)
     for n in range(len(inputs.dt)):
-        inflation = fill_gaps(inputs.inertial[n], state.newest, row)
-        interval = InertialInterval(
-            inertial_sample(state.newest), inertial_sample(row), inputs.dt[n], inflation
-        )
-        v = x[3:6].copy()
+        interval = next_interval(inputs, n, state.newest, row)
+        v = x[STATE.v_bt : STATE.v_bt + 3].copy()
         x, monitor = time_update(s, centre, x, P, F, interval, monitor)
         if smoothed:
             store_prediction(trace, n, x, P, F, own, lasting)
@@ -501,9 +487,8 @@ def run_filter(
         for i in range(12):
             state.newest[i] = row[i]
         still = Standstill(inputs.still[n, 0], inputs.still[n, 1])
-        x, monitor, is_relocated = measurement_update(
-            s, centre, x, P, kinematics, Sample(interval, inputs.mag[n], still), monitor
-        )
+        sample = Sample(interval, inputs.mag[n], still)
+        x, monitor, is_relocated = measurement_update(s, centre, x, P, kinematics, sample, monitor)
         store_outputs(outputs, n, x, P, monitor.mean_nis, s.nis_limit)
         if smoothed:
             if is_relocated or not 0 < inputs.dt[n] <= s.max_gap:

@@ -22,3 +22,9 @@ def test_a_kernel_is_another_when_a_function_or_a_number_that_it_takes_is_anothe
     ]
     assert kept[0] == kept[3]
     assert kept[0] not in kept[1:3]
+
+
+def test_a_kernel_is_another_when_a_function_takes_another_field_of_a_record() -> None:
+    """The code of a function has names by their places: both read the first one."""
+    one, other = inlined(lambda r: r.tau), inlined(lambda r: r.age)
+    assert list(called_by(_kernel(one, 1.0))) != list(called_by(_kernel(other, 1.0)))

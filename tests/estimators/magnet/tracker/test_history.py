@@ -6,7 +6,7 @@ from filterpy.kalman import rts_smoother, update
 from handscope.estimators.magnet.tracker import history
 from handscope.estimators.magnet.tracker.history import Trace, make_trace
 from handscope.estimators.magnet.tracker.smoother import rts_backward_pass
-from handscope.estimators.magnet.tracker.state import OWN, TH, THG, XGB, XM, XQ
+from handscope.estimators.magnet.tracker.state import ERROR, OWN, STATE
 from handscope.estimators.numerics.typing import Array
 from tests.estimators.interpreted import interpreted
 
@@ -61,14 +61,21 @@ def _random_covariance(rng: np.random.Generator, size: int) -> Array:
 def test_a_smoothed_track_is_filterpys(rng: np.random.Generator) -> None:
     """Ten samples of errors that are no rotations, which have no covariance with the others; gains
     are stored in single precision."""
-    n, size = 10, XM + 6
-    linear = np.setdiff1d(np.arange(OWN), [*range(TH, TH + 3), *range(THG, THG + 3)])
-    of_state = np.setdiff1d(np.arange(XM), [*range(XQ, XQ + 4), *range(XGB, XGB + 4)])
+    n, size = 10, STATE.moment + 6
+    linear = np.setdiff1d(
+        np.arange(OWN), [*range(ERROR.th_bt, ERROR.th_bt + 3), *range(ERROR.th_gb, ERROR.th_gb + 3)]
+    )
+    of_state = np.setdiff1d(
+        np.arange(STATE.moment),
+        [*range(STATE.q_bt, STATE.q_bt + 4), *range(STATE.q_gb, STATE.q_gb + 4)],
+    )
     P, x, constant = np.zeros((size - 2, size - 2)), np.zeros(size), np.arange(OWN, size - 2)
     P[np.ix_(linear, linear)] = _random_covariance(rng, len(linear))
     P[constant, constant] = 1.0
-    P[range(TH, TH + 3), range(TH, TH + 3)] = P[range(THG, THG + 3), range(THG, THG + 3)] = 1.0
-    x[XQ] = x[XGB] = 1.0
+    P[range(ERROR.th_bt, ERROR.th_bt + 3), range(ERROR.th_bt, ERROR.th_bt + 3)] = P[
+        range(ERROR.th_gb, ERROR.th_gb + 3), range(ERROR.th_gb, ERROR.th_gb + 3)
+    ] = 1.0
+    x[STATE.q_bt] = x[STATE.q_gb] = 1.0
     trace, own, lasting = make_trace(n, size), np.empty((OWN, OWN)), np.empty((OWN, OWN))
     split_covariance(P, own, lasting)
     F, Q = np.eye(OWN), np.diag(rng.uniform(0.1, 1.0, OWN))

@@ -74,12 +74,12 @@ def _updated_errors(
 def _state() -> Array:
     """Of a trunk with two magnetometers."""
     x = 0.1 * RNG.normal(size=57)
-    x[mf.XM : mf.XM + 6] = [0.1, -0.2, 0.25, 0.01, 0.03, 0.0]
-    x[mf.XG : mf.XL + 6] *= 1e-5
-    x[mf.XL + 6 :] = [0.0, 0.0, 0.0, -0.1, -0.1, 0.0, 0.07]
+    x[mf.STATE.moment : mf.STATE.moment + 6] = [0.1, -0.2, 0.25, 0.01, 0.03, 0.0]
+    x[mf.STATE.gradients : mf.STATE.residuals + 6] *= 1e-5
+    x[mf.STATE.residuals + 6 :] = [0.0, 0.0, 0.0, -0.1, -0.1, 0.0, 0.07]
     x[0:3] = [-0.05, 0.1, 0.2]
-    x[mf.XB : mf.XB + 3] = [1e-6, 18e-6, -46e-6]
-    for at in (mf.XQ, mf.XGB):
+    x[mf.STATE.B_g : mf.STATE.B_g + 3] = [1e-6, 18e-6, -46e-6]
+    for at in (mf.STATE.q_bt, mf.STATE.q_gb):
         x[at : at + 4] = quat.normalize(RNG.normal(size=4))
     return x
 
@@ -96,9 +96,14 @@ def _moving(magnetometers: int) -> Kinematics:
 def _difference(x: Array, other: Array) -> Array:
     """The error (55,) that takes x to the other state."""
     plain = other - x
-    turns = (quat.log(quat.relative(x[a : a + 4], other[a : a + 4])) for a in (mf.XQ, mf.XGB))
+    turns = (
+        quat.log(quat.relative(x[a : a + 4], other[a : a + 4]))
+        for a in (mf.STATE.q_bt, mf.STATE.q_gb)
+    )
     th, thg = turns
-    return np.concatenate([plain[0:6], th, plain[mf.XB : mf.XB + 9], thg, plain[mf.XBG :]])
+    return np.concatenate(
+        [plain[0:6], th, plain[mf.STATE.B_g : mf.STATE.B_g + 9], thg, plain[mf.STATE.gyr_bias_b :]]
+    )
 
 
 def test_slopes_of_the_time_update_are_differences() -> None:
@@ -127,13 +132,25 @@ def test_slopes_of_a_magnetometer_are_differences() -> None:
     x[-1], kinematics.age[:] = 0.062, [0.0, 0.008]
     kinematics.v_bt[:] = x[3:6]
     _predict_reading(x, kinematics, 1, H)
-    assert np.linalg.norm(H[:, mf.MOM : mf.MOM + 3]) > 1e-6
+    assert np.linalg.norm(H[:, mf.ERROR.moment : mf.ERROR.moment + 3]) > 1e-6
     biases = [
-        k for first in (mf.BTG, mf.BTA, mf.BBG, mf.BBA) for k in range(first, first + 3)
+        k
+        for first in (
+            mf.ERROR.gyr_bias_t,
+            mf.ERROR.acc_bias_t,
+            mf.ERROR.gyr_bias_b,
+            mf.ERROR.acc_bias_b,
+        )
+        for k in range(first, first + 3)
     ]  # left out: over 70 ms they move nothing
     for k in np.setdiff1d(range(55), biases):
         dx = np.zeros(55)
-        dx[k] = h = 1e-9 if mf.B_ <= k < mf.BTG or mf.CAL <= k < mf.CAL + 6 else 1e-5
+        dx[k] = h = (
+            1e-9
+            if mf.ERROR.B_g <= k < mf.ERROR.gyr_bias_t
+            or mf.ERROR.residuals <= k < mf.ERROR.residuals + 6
+            else 1e-5
+        )
         ahead, behind = (_predict_reading(_inject(x, d), kinematics, 1, none) for d in (dx, -dx))
         # rates that change make turns that do not commute: told to first order in the change
         np.testing.assert_allclose(
@@ -143,20 +160,27 @@ def test_slopes_of_a_magnetometer_are_differences() -> None:
 
 def _gravity(x: Array) -> tuple[Array, Array]:
     """What accelerometers of base and target read at rest."""
-    g_b = quat.rotate(quat.conjugate(x[mf.XGB : mf.XGB + 4]), np.array([0.0, 0.0, NOISE.gravity]))
-    return g_b + x[mf.XBA : mf.XBA + 3], quat.rotate(quat.conjugate(x[mf.XQ : mf.XQ + 4]), g_b) + x[
-        mf.XTA : mf.XTA + 3
-    ]
+    g_b = quat.rotate(
+        quat.conjugate(x[mf.STATE.q_gb : mf.STATE.q_gb + 4]), np.array([0.0, 0.0, NOISE.gravity])
+    )
+    return g_b + x[mf.STATE.acc_bias_b : mf.STATE.acc_bias_b + 3], quat.rotate(
+        quat.conjugate(x[mf.STATE.q_bt : mf.STATE.q_bt + 4]), g_b
+    ) + x[mf.STATE.acc_bias_t : mf.STATE.acc_bias_t + 3]
 
 
 @pytest.mark.parametrize("which", ["base", "target", "common"])
 def test_slopes_of_the_accelerometers_are_differences(which: str) -> None:
     """(5.16) of base and target, (5.17). Errors of which little is expected go by slope times what is missed: two readings tell the slope."""
     x, dt, sure, h = _state(), 1 / 60, 1e-4, 1e-5
-    x[mf.XTA : mf.XTA + 3] *= 0.1
-    x[mf.XBA : mf.XBA + 3] *= 0.1
+    x[mf.STATE.acc_bias_t : mf.STATE.acc_bias_t + 3] *= 0.1
+    x[mf.STATE.acc_bias_b : mf.STATE.acc_bias_b + 3] *= 0.1
     rest = np.concatenate(
-        [x[mf.XBG : mf.XBG + 3], _gravity(x)[0], x[mf.XTG : mf.XTG + 3], _gravity(x)[1]]
+        [
+            x[mf.STATE.gyr_bias_b : mf.STATE.gyr_bias_b + 3],
+            _gravity(x)[0],
+            x[mf.STATE.gyr_bias_t : mf.STATE.gyr_bias_t + 3],
+            _gravity(x)[1],
+        ]
     )
     common = rest[3:6] * 1.2  # both are pushed alike: neither reads gravity
     if which == "common":
@@ -191,8 +215,11 @@ def test_slopes_of_the_accelerometers_are_differences(which: str) -> None:
 def _carried(x: Array, f_b: Array) -> Array:
     """What the target's accelerometer reads of the specific force that the base's reads as f_b (3,)."""
     return (
-        quat.rotate(quat.conjugate(x[mf.XQ : mf.XQ + 4]), f_b - x[mf.XBA : mf.XBA + 3])
-        + x[mf.XTA : mf.XTA + 3]
+        quat.rotate(
+            quat.conjugate(x[mf.STATE.q_bt : mf.STATE.q_bt + 4]),
+            f_b - x[mf.STATE.acc_bias_b : mf.STATE.acc_bias_b + 3],
+        )
+        + x[mf.STATE.acc_bias_t : mf.STATE.acc_bias_t + 3]
     )
 
 
@@ -211,14 +238,16 @@ def test_the_covariance_is_carried_as_one_matrix() -> None:
     A = RNG.normal(size=(55, 55))
     P, F, turned = A @ A.T, np.eye(30) + 0.1 * RNG.normal(size=(30, 30)), 0.05
     share = np.ones(55)
-    share[mf.CAL : mf.CAL + 6] = np.exp(-turned / NOISE.mag_correlation_angle)
-    share[mf.GRAD : mf.GRAD + 5] = np.exp(-1 / 60 / mf.GRADIENT_TIME)
+    share[mf.ERROR.residuals : mf.ERROR.residuals + 6] = np.exp(
+        -turned / NOISE.mag_correlation_angle
+    )
+    share[mf.ERROR.gradients : mf.ERROR.gradients + 5] = np.exp(-1 / 60 / mf.GRADIENT_TIME)
     renewed = np.where(share < 1.0, NOISE.mag_residual, 0.0)
-    renewed[mf.GRAD : mf.GRAD + 5] = NOISE.gradient
+    renewed[mf.ERROR.gradients : mf.ERROR.gradients + 5] = NOISE.gradient
     whole = np.diag(share)
     whole[:30, :30] = F
     expected = whole @ P @ whole.T + np.diag(renewed**2 * (1 - share**2))
-    expected[mf.B_, mf.B_] += 2.0**2 * (1 - F[mf.B_, mf.B_] ** 2)
+    expected[mf.ERROR.B_g, mf.ERROR.B_g] += 2.0**2 * (1 - F[mf.ERROR.B_g, mf.ERROR.B_g] ** 2)
     _propagate_covariance(still, P, F, 1 / 60, 60 * turned, 2.0)
     np.testing.assert_allclose(P, expected, rtol=1e-12, atol=1e-12)
 
@@ -227,7 +256,7 @@ def test_a_turn_in_one_go_makes_of_gravity_what_scales_and_axes_do() -> None:
     """Half a radian moves half of gravity along the axes: 0.3 % of that."""
     P = np.zeros((49, 49))
     _propagate_covariance(NOISE._replace(acc_walk=0.0), P, np.eye(30), 1.0, 0.5, 0.0)
-    assert np.sqrt(P[mf.BBA, mf.BBA]) == pytest.approx(
+    assert np.sqrt(P[mf.ERROR.acc_bias_b, mf.ERROR.acc_bias_b]) == pytest.approx(
         MagnetParams().acc_share * GRAVITY * 0.5, rel=1e-9
     )
 
@@ -240,8 +269,12 @@ def test_a_movement_without_errors_is_followed_by_the_time_update_alone(name: st
         [m.w, quat.rotate(quat.conjugate(m.q), m.a + [0, 0, 9.80665])], axis=-1
     ).reshape(len(m.t), 12)
     x, F, k = _state(), np.zeros((30, 30)), 3 * 240
-    x[: mf.XM] = 0.0
-    x[0:3], x[mf.XQ : mf.XQ + 4], x[mf.XGB : mf.XGB + 4] = m.p_bt[k], m.q_bt[k], m.q[k, 0]
+    x[: mf.STATE.moment] = 0.0
+    x[0:3], x[mf.STATE.q_bt : mf.STATE.q_bt + 4], x[mf.STATE.q_gb : mf.STATE.q_gb + 4] = (
+        m.p_bt[k],
+        m.q_bt[k],
+        m.q[k, 0],
+    )
     R = quat.conjugate(m.q[k, 0])
     x[3:6] = (
         quat.rotate(R, ((m.p[k + 1] - m.p[k - 1]) @ np.eye(3))[1] - (m.p[k + 1] - m.p[k - 1])[0])
@@ -250,23 +283,32 @@ def test_a_movement_without_errors_is_followed_by_the_time_update_alone(name: st
     speed = quat.rotate(
         quat.conjugate(m.q[:, 0]), np.gradient(m.p[:, 0], 1 / 240, axis=0, edge_order=2)
     )
-    x[mf.XVB : mf.XVB + 3] = speed[k]
+    x[mf.STATE.v_b : mf.STATE.v_b + 3] = speed[k]
     for i in range(k + 1, len(m.t)):
         x = _propagate(x, samples[i - 1], samples[i], 1 / 240, F)
-    assert np.linalg.norm(x[mf.XVB : mf.XVB + 3] - speed[-1]) < 2e-3
+    assert np.linalg.norm(x[mf.STATE.v_b : mf.STATE.v_b + 3] - speed[-1]) < 2e-3
     assert np.linalg.norm(x[0:3] - m.p_bt[-1]) < 2e-3
-    assert np.degrees(quat.angle(quat.relative(x[mf.XQ : mf.XQ + 4], m.q_bt[-1]))) < 0.05
+    assert (
+        np.degrees(quat.angle(quat.relative(x[mf.STATE.q_bt : mf.STATE.q_bt + 4], m.q_bt[-1])))
+        < 0.05
+    )
     kinematics, x[-1] = start_kinematics(2), 0.1
     for i in range(-240, 0):
         _predict(kinematics, samples[i], 1 / 240 if i > -240 else 0.0)
     then, k = _delayed(x, kinematics), -1 - 24
     assert np.linalg.norm(then[0:3] - m.p_bt[k]) < 6e-3
-    assert np.degrees(quat.angle(quat.relative(then[mf.XQ : mf.XQ + 4], m.q_bt[k]))) < 0.5
+    assert (
+        np.degrees(quat.angle(quat.relative(then[mf.STATE.q_bt : mf.STATE.q_bt + 4], m.q_bt[k])))
+        < 0.5
+    )
     assert (
         np.degrees(
             quat.angle(
                 quat.relative(
-                    quat.relative(x[mf.XGB : mf.XGB + 4], then[mf.XGB : mf.XGB + 4]),
+                    quat.relative(
+                        x[mf.STATE.q_gb : mf.STATE.q_gb + 4],
+                        then[mf.STATE.q_gb : mf.STATE.q_gb + 4],
+                    ),
                     quat.relative(m.q[-1, 0], m.q[k, 0]),
                 )
             )
@@ -279,7 +321,7 @@ def test_the_velocity_that_slopes_take_turns_with_the_trunk_and_is_not_that_of_a
     None
 ):
     x, kinematics, v, dt = _state(), start_kinematics(2), RNG.normal(size=3), 1 / 60
-    x[mf.XBG : mf.XBG + 3], kinematics.w_b[:] = 0.0, [0.0, 0.0, 3.0]
+    x[mf.STATE.gyr_bias_b : mf.STATE.gyr_bias_b + 3], kinematics.w_b[:] = 0.0, [0.0, 0.0, 3.0]
     deviation = kinematics.v_bt - v
     for known, share in ((0.04, np.exp(-dt / VELOCITY_MEMORY)), (0.2, 0.0)):
         smoothed = copy_kinematics(kinematics)
@@ -318,7 +360,7 @@ def test_the_time_update_is_filterpys(rng: np.random.Generator) -> None:
     Q[:] = 0.0
     _propagate_covariance(NOISE, Q, free, dt, 0.0, 0.0)
     density = 2 * (NOISE.acc**2 + NOISE.acc_slow**2)
-    walk = [mf.P_, mf.V_]
+    walk = [mf.ERROR.p_bt, mf.ERROR.v_bt]
     np.testing.assert_allclose(
         Q[np.ix_(walk, walk)], Q_continuous_white_noise(2, dt, density), rtol=1e-10, atol=1e-10
     )

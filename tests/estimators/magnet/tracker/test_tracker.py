@@ -14,7 +14,7 @@ from handscope.estimators.magnet.tracker import tracker as tracking
 from handscope.estimators.magnet.tracker.initialisation import Setup
 from handscope.estimators.magnet.tracker.options import MagnetParams
 from handscope.estimators.magnet.tracker.smoother import smooth
-from handscope.estimators.magnet.tracker.state import XL
+from handscope.estimators.magnet.tracker.state import STATE
 from handscope.estimators.magnet.tracker.tracker import Readings, Track
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
@@ -377,7 +377,7 @@ def test_what_was_learnt_of_calibrations_is_forgotten_as_the_trunk_turns(
     before, _ = tracking.step(PARAMS, tracking.start(setup), heard)
     after, _ = tracking.step(PARAMS, before, replace(silent, mag=np.full_like(silent.mag, np.nan)))
     assert before.x is not None and after.x is not None
-    left = slice(XL, XL + setup.array.places.size)
+    left = slice(STATE.residuals, STATE.residuals + setup.array.places.size)
     assert np.linalg.norm(after.x[left]) < 0.6 * np.linalg.norm(before.x[left])
 
 
