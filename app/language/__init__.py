@@ -25,7 +25,7 @@ from babel.numbers import format_decimal
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import SEGMENTS
 from handscope.estimators.messages import GAP, Message, Text, english_texts, fill
-from handscope.estimators.messages.sentence import BETWEEN, PLAIN, Sentence
+from handscope.estimators.messages.sentence import PLAIN, Sentence
 
 DEFAULT = "en"
 NAME = re.compile(r"\{(\w+)\}")
@@ -93,6 +93,18 @@ class Language:
         """ "a", "a and b", "a, b and c"."""
         return format_list(words, locale=self.locale)
 
+    def several(self, parts: Iterable[str]) -> str:
+        """ "a; b; c", with the semicolon as the language sets it."""
+        return self.words["between"].join(parts)
+
+    def labelled(self, what: str, words: str) -> str:
+        """ "Ring: moves along", with the colon as the language sets it."""
+        return self.say("labelled", what=what, words=words)
+
+    def joint(self, joint: str) -> str:
+        """A joint's abbreviation: "MCP", in French "IPP" of the pip."""
+        return self.known(f"joint.{joint}", joint.upper())
+
     def segment(self, segment: str) -> str:
         """A segment or tracked point as printed: "ring finger, end segment"."""
         part, _, piece = segment.partition("_")
@@ -108,12 +120,12 @@ class Language:
     def translate(self, sentence: str) -> str:
         """What was written in English elsewhere, by its codes; a text without codes in this language where it is known, else as it is, segments by their names."""
         if isinstance(sentence, Sentence):
-            return BETWEEN.join(map(self.render, sentence.messages))
+            return self.several(map(self.render, sentence.messages))
         if (known := self.words.get(f"value.{sentence}", self.originals.get(sentence))) is not None:
             return known
         if len(sentence) <= MOST_SENTENCES:
             if len(parts := sentence.split("; ")) > 1 and all(self._knows(part) for part in parts):
-                return "; ".join(self.translate(part) for part in parts)
+                return self.several(self.translate(part) for part in parts)
             for pattern, text in self._patterns:
                 if found := pattern.fullmatch(sentence):
                     return _fill(
@@ -121,7 +133,7 @@ class Language:
                         {name: self.translate(value) for name, value in found.groupdict().items()},
                     )
         if self.originals and "; " in sentence:  # several of them together
-            return "; ".join(self.translate(part) for part in sentence.split("; "))
+            return self.several(self.translate(part) for part in sentence.split("; "))
         return self._localised(sentence)
 
     def translate_keys(self, value: Any, keys: Collection[str]) -> Any:

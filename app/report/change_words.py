@@ -48,7 +48,7 @@ def row_words(
     cells: dict[str, list[str]] = {"flexion": [], "extension": [], "sideways": []}
     for cell, side, c, sign in _ends(found, tasks, row):
         cells[cell].append(f"{side_words(side, language)} {_words(c, sign, language)}".strip())
-    return {cell: "; ".join(words) for cell, words in cells.items()}
+    return {cell: language.several(words) for cell, words in cells.items()}
 
 
 def row_ends(
@@ -153,7 +153,7 @@ def _paragraph(
             group = groups["unjudged" if c.mdc95 is None else "beyond" if c.beyond else "within"]
             group.setdefault(s.joint, []).append(f"{s.what} {s.words}{mdc95}")
     beyond, within, unjudged = (
-        "; ".join(f"{joint} {', '.join(all_)}".strip() for joint, all_ in g.items())
+        language.several(f"{joint} {', '.join(all_)}".strip() for joint, all_ in g.items())
         for g in groups.values()
     )
     inside = [s for s in worded if s.change.mdc95 is not None and not s.change.beyond]

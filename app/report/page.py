@@ -166,7 +166,7 @@ def _hour(content: Content, language: Language) -> str:
         day=language.short_day(visit.recorded_as),
         hour=language.hour(visit.recorded_as),
     )
-    return f"{hour}; {sentences} ({visit.date_reason})"
+    return language.several([hour, f"{sentences} ({visit.date_reason})"])
 
 
 def _day(content: Content, language: Language) -> str:
@@ -267,7 +267,7 @@ def _signal(content: Content, language: Language) -> list[list[str]]:
         *([language.say("streams.all"), lost] for lost in losses if once),
         [
             language.say("task_samples"),
-            "; ".join(flagged) if flagged else language.say("unflagged"),
+            language.several(flagged) if flagged else language.say("unflagged"),
         ],
     ]
 
@@ -324,8 +324,8 @@ def _provenance(content: Content, language: Language) -> list[list[str]]:
         ],
         [say("device"), ", ".join(device) or say("not_recorded")],
         [say("software"), content.software],
-        [say("method"), f"{method.name}: {language.translate(method.title)}"],
-        [say("options"), "; ".join(changed) if changed else say("options.default")],
+        [say("method"), language.labelled(method.name, language.translate(method.title))],
+        [say("options"), language.several(changed) if changed else say("options.default")],
         *_compared(content, language),
     ]
 
@@ -347,7 +347,7 @@ def _compared(content: Content, language: Language) -> list[list[str]]:
         say("compared.version", number=found.number, **_moment(found.made, language)),
         *([say("compared.chosen_by", name=found.author)] if found.author else []),
     ]
-    return [[say("compared"), "; ".join(words)]]
+    return [[say("compared"), language.several(words)]]
 
 
 def _moment(moment: datetime, language: Language) -> dict[str, str]:

@@ -85,7 +85,7 @@ def _not_done(content: Content, language: Language) -> list[str]:
         f"{language.translate(n.title)} ({', '.join(w for w in (outcome_words(n.outcome, language), n.reason) if w)})"
         for n in content.not_done
     ]
-    return [language.say("summary.not_done", tasks="; ".join(named))] if named else []
+    return [language.say("summary.not_done", tasks=language.several(named))] if named else []
 
 
 def _absent(content: Content, language: Language) -> list[str]:

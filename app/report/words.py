@@ -28,7 +28,7 @@ ENDINGS = {"max": "largest", "min": "smallest", "range": "extent"}  # of the nam
 def joint_words(joint: str, language: Language) -> tuple[str, str]:
     """Group and joint as printed: ("Index", "MCP")."""
     group, _, name = joint.partition("_")
-    return language.known(f"finger.{group}", group.capitalize()), name.upper()
+    return language.known(f"finger.{group}", group.capitalize()), language.joint(name)
 
 
 def flexion_words(largest: float, language: Language) -> str:
@@ -93,7 +93,7 @@ def span_words(tasks: Sequence[Task], language: Language) -> str:
     times = language.all_of(
         [language.say("span", start=f"{start:.0f}", end=f"{end:.0f}") for start, end in spans]
     )
-    return language.say("span.of", tasks="; ".join(names), times=times)
+    return language.say("span.of", tasks=language.several(names), times=times)
 
 
 def grade_words(grade: str, language: Language) -> str:
@@ -141,8 +141,9 @@ def named(figure: Figure, language: Language) -> str:
     joint = " ".join(joint_words(figure.part, language)).strip() if figure.part in JOINT else ""
     place, _, number = figure.part.rpartition("_")
     if number.isdigit():
-        return f"{language.say(f'part.{place}', number=number)}: {figure_words(figure.what or figure.name, language)}"
+        part = language.say(f"part.{place}", number=number)
+        return language.labelled(part, figure_words(figure.what or figure.name, language))
     part = joint or language.all_of(
         [language.known(f"finger.{p}", p) for p in figure.part.split("_")]
     )
-    return f"{part}: {figure_words(figure.what or figure.name, language)}"
+    return language.labelled(part, figure_words(figure.what or figure.name, language))

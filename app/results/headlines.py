@@ -128,12 +128,12 @@ def _tile(
             f"{language.short_day(other.started)} {language.hour(other.started)}" if other else ""
         )
         words = _words(figure, theirs[0], language)
-        against.append(f"{hand[:1].upper()}{hand[1:]}, {moment}: {words}")
+        against.append(language.labelled(f"{hand[:1].upper()}{hand[1:]}, {moment}", words))
     if norm := norm_of(figure.what or figure.name, figure.part, key[1], edition):
         places = decimals_of_sd(norm.sd) if norm.sd else places_of(norm.mean, norm.unit)
         spread = f" ± {language.number(norm.sd, places)}" if norm.sd else ""
         words = with_unit(f"{language.number(norm.mean, places)}{spread}", norm.unit, language)
-        against.append(f"{language.say('norm')}: {words}")
+        against.append(language.labelled(language.say("norm"), words))
     return {
         "label": named(figure, language),
         "value": _words(figure, value, language),

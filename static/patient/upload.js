@@ -2,6 +2,7 @@
 import { h } from "../dom.js";
 import { choices, errorBox, field, onSubmit, select } from "../forms.js";
 import { progressBar } from "../progress_bar.js";
+import { labelled } from "../words/joined.js";
 import { t } from "../words/words.js";
 
 const RECORDINGS = /\.(zip|mcap)$/i;
@@ -64,7 +65,7 @@ export function mount(root, api, { record, go }) {
         checked: !side,
       }));
       const method = select(
-        [["", t("upload.method.suited")], ...methods.map((m) => [m.name, `${m.name}: ${m.title}`])],
+        [["", t("upload.method.suited")], ...methods.map((m) => [m.name, labelled(m.name, m.title)])],
         "",
         { name: "method" },
       );

@@ -1,6 +1,7 @@
 /** The goal of a figure: the range that it is to reach, in words, and a form that sets it. */
 import { h } from "../dom.js";
 import { errorBox, field, once, onSubmit } from "../forms.js";
+import { labelled } from "../words/joined.js";
 import { t } from "../words/words.js";
 import { labelWords, valueWords } from "./figure_words.js";
 
@@ -31,7 +32,7 @@ export function drawGoal(root, series, hand, { api, patient, reload }) {
     await reload();
   });
   const title = goal ? t("goal.change") : t("goal.set");
-  root.append(h("details", { class: "goal" }, h("summary", { "aria-label": `${title}: ${labelWords(series)}` }, title), form));
+  root.append(h("details", { class: "goal" }, h("summary", { "aria-label": labelled(title, labelWords(series)) }, title), form));
 }
 
 /** "Goal: 70° to 90°". */

@@ -3,6 +3,7 @@ import { h } from "../dom.js";
 import { errorBox, once, select } from "../forms.js";
 import { chooseCurve } from "../plots/curve_sets.js";
 import { progressBar } from "../progress_bar.js";
+import { labelled } from "../words/joined.js";
 import { dayAndTime, t } from "../words/words.js";
 import * as compared from "./compared.js";
 import { trialsOf } from "./trials.js";
@@ -103,7 +104,7 @@ function choiceOfOther(methods, course, session, result, onchange) {
   const words = (one) => t("compare.session", { day: dayAndTime(one.started), hand: t(`hand.${one.hand}.title`) });
   const those = (wanted) => sessions.filter(wanted).map((one) => [`session:${one.result}`, words(one)]);
   const groups = [
-    ["compare.method", methods.filter((m) => m.name !== result.method).map((m) => [`method:${m.name}`, `${m.name}: ${m.title}`])],
+    ["compare.method", methods.filter((m) => m.name !== result.method).map((m) => [`method:${m.name}`, labelled(m.name, m.title)])],
     ["compare.other_hand", those((one) => one.hand !== session.hand)],
     ["compare.sessions", those((one) => one.hand === session.hand && one.session !== session.id)],
   ];

@@ -1,5 +1,6 @@
 /** A drawing of the hand with a dot at every joint, filled by how far it stays behind; each dot's title says it in words. */
 import { s } from "../dom.js";
+import { several } from "../words/joined.js";
 
 const BOX = "0 0 240 280";
 const JOINTS = {
@@ -24,7 +25,7 @@ export function handMap(joints, hand, choose) {
   const transform = hand === "left" ? MIRRORED : "";
   const parts = s("g", { transform }, s("path", { d: PALM, class: "palm" }), fingers, dots);
   const drawing = s("svg", { viewBox: BOX, role: "img" }, parts);
-  drawing.setAttribute("aria-label", joints.map(({ words }) => words).join("; "));
+  drawing.setAttribute("aria-label", several(joints.map(({ words }) => words)));
   return drawing;
 }
 

@@ -2,6 +2,7 @@
 import { h } from "../dom.js";
 import { legend } from "../plots/legend.js";
 import { colour, makePlot } from "../plots/plot.js";
+import { labelled } from "../words/joined.js";
 import { decimal } from "../words/words.js";
 
 const LINES = [{ colour: "--curve-1" }, { colour: "--curve-2", dash: [8, 5] }];
@@ -26,7 +27,7 @@ function draw(row, panel, trial) {
   const place = h("div", { class: "low" });
   row.append(h("div", {}, h("p", { class: "of" }, panel.title), names.length > 1 && legend(names), place));
   const plot = makePlot(place, {
-    label: [trial, panel.title].filter(Boolean).join(": "),
+    label: trial ? labelled(trial, panel.title) : panel.title,
     lines: panel.lines.map((line, k) => lineOf(panel, k, names.length > 1)),
     words: (value) => decimal(value, digits),
     xWords: (value) => (panel.x_unit === "s" ? `${value} s` : String(value)),

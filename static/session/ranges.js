@@ -1,5 +1,6 @@
 /** Range of motion in words, joint by joint; the words are the report's. */
 import { h } from "../dom.js";
+import { several } from "../words/joined.js";
 import { known, t } from "../words/words.js";
 import { changesCaption } from "./changes.js";
 
@@ -14,7 +15,7 @@ export function mount(root, api, { result }) {
 /** Of a task that did not ask for the full range it is folded away below the first. */
 function section(payload, changes, folded) {
   const title = t(payload.full ? "ranges.title" : "ranges.reached");
-  const tasks = payload.tasks.join("; ");
+  const tasks = several(payload.tasks);
   const heading = [h("h2", {}, title), h("p", { class: "soft" }, tasks)];
   if (!payload.rows.length) return h("div", { class: "card" }, heading, h("p", { class: "warning" }, t("ranges.nothing")));
   const columns = ["ranges.joint", "ranges.flexion", "ranges.extension", "ranges.sideways", "ranges.signal"].map((word) =>
@@ -48,6 +49,6 @@ function line(row) {
     ["flexion", "extension", "sideways"].map((cell) =>
       h("td", { class: "number" }, row[cell] || "–", row.changes[cell] && h("div", { class: "change" }, row.changes[cell])),
     ),
-    h("td", {}, grade, row.grade !== "good" && row.reasons.length > 0 && h("div", { class: "hint" }, row.reasons.join("; "))),
+    h("td", {}, grade, row.grade !== "good" && row.reasons.length > 0 && h("div", { class: "hint" }, several(row.reasons))),
   );
 }

@@ -1,6 +1,7 @@
 /** Process the same recording by another method or with other options; the form is made from what the API says of the methods. */
 import { h } from "../dom.js";
 import { errorBox, field, initial, onSubmit, select } from "../forms.js";
+import { labelled } from "../words/joined.js";
 import { t } from "../words/words.js";
 
 export function mount(root, api, { session, result, go }) {
@@ -25,7 +26,7 @@ export function mount(root, api, { session, result, go }) {
   function draw(methods) {
     const options = h("div", { class: "options" });
     const choice = select(
-      methods.map((m) => [m.name, `${m.name}: ${m.title}`]),
+      methods.map((m) => [m.name, labelled(m.name, m.title)]),
       result?.method ?? initial(methods),
       { onchange: showOptions },
     );

@@ -1,6 +1,7 @@
 /** How good the calibration is for each joint: a word and a colour by joint, and why where it is not good. */
 import { h, whenChanged } from "../dom.js";
 import { jointWords, segmentWords } from "../words/clinical.js";
+import { labelled } from "../words/joined.js";
 import { t } from "../words/words.js";
 import { HAND_ROWS } from "./joint_rows.js";
 
@@ -61,5 +62,5 @@ function reasons(joints) {
     const words = t(`joints.why.${reason}`, { part: segmentWords(segment), deg });
     jointsByReason.set(words, [...(jointsByReason.get(words) ?? []), Object.values(jointWords(joint)).join(" ").trim()]);
   }
-  return [...jointsByReason].map(([words, names]) => (names.length > 4 ? words : `${names.join(", ")}: ${words}`));
+  return [...jointsByReason].map(([words, names]) => (names.length > 4 ? words : labelled(names.join(", "), words)));
 }

@@ -13,7 +13,7 @@ export function unitWords(unit) {
 /** "index_pip" as { finger: "Index finger", joint: "PIP" }. */
 export function jointWords(joint) {
   const [finger, name = ""] = joint.split("_");
-  return { finger: t(`finger.${finger}`), joint: name.toUpperCase() };
+  return { finger: t(`finger.${finger}`), joint: known(`joint.${name}`, name.toUpperCase()) };
 }
 
 /** A strip, or the stream of its samples, by its name in recordings. */

@@ -65,8 +65,12 @@ def _section(trials: Sequence[Task], language: Language, edition: Edition | None
         "name": trials[0].result.task,
         "measure": trials[0].result.measure,
         "title": language.translate(trials[0].measure_title),
-        "task": span_words(trials, language)
-        + (f"; {language.say(f'grading.{trials[0].grading}')}" if trials[0].grading else ""),
+        "task": language.several(
+            [
+                span_words(trials, language),
+                *([language.say(f"grading.{g}")] if (g := trials[0].grading) else []),
+            ]
+        ),
         "grading": trials[0].grading,
         "trials": [language.say("tapping.trial", number=k + 1) for k in range(len(trials))]
         if len(trials) > 1
@@ -129,7 +133,7 @@ def _row(figures: Sequence[Figure], language: Language, task: Task) -> list[Any]
         values,
         unit,
         [worst.grade, grade_words(worst.grade, language)],
-        "; ".join(reasons),
+        language.several(reasons),
     ]
 
 

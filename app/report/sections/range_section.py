@@ -221,7 +221,9 @@ def _sources(rows: Sequence[RangeRow], ticks: Sequence[Reference], language: Lan
             parts.setdefault(reference.source.name, [])
             if word not in parts[reference.source.name]:
                 parts[reference.source.name].append(word)
-    return "; ".join(f"{language.all_of(words)}: {name}" for name, words in parts.items())
+    return language.several(
+        language.labelled(language.all_of(words), name) for name, words in parts.items()
+    )
 
 
 def _reasons(rows: Sequence[RangeRow], language: Language) -> list[str]:
