@@ -5,6 +5,7 @@ system: others may quote a request, a row or a file.
 """
 
 import logging
+import time
 import traceback
 from types import TracebackType
 
@@ -15,7 +16,10 @@ ExceptionInfo = (
 
 
 class PrivateFormatter(logging.Formatter):
-    """Exceptions as places in the code."""
+    """Exceptions as places in the code; times in UTC, as the audit trail has them."""
+
+    converter = staticmethod(time.gmtime)
+    default_msec_format = "%s.%03dZ"
 
     def formatException(self, ei: ExceptionInfo) -> str:
         return "\n".join(_chain(ei[1])) if ei[1] else ""

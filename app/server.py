@@ -42,6 +42,7 @@ from handscope.app.auth.gate import Gate
 from handscope.app.auth.incoming_text import PlainAddresses
 from handscope.app.auth.request_limits import RequestLimits
 from handscope.app.auth.roles import EVERY_ACCOUNT, RoleRequirement
+from handscope.app.auth.security_headers import SecurityHeaders
 from handscope.app.job_queue import Jobs
 from handscope.app.live.relays import Relays, relay_account
 from handscope.app.live.station import Station
@@ -114,6 +115,7 @@ def create_app(settings: Settings) -> FastAPI:
         openapi_url=None,
         middleware=[
             *proxies,
+            Middleware(SecurityHeaders),
             Middleware(PlainAddresses),
             Middleware(RequestLimits, largest_upload=settings.largest_upload),
             Middleware(Gate, store=store, settings=settings),

@@ -9,6 +9,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse
 
+from handscope.app.auth.security_headers import headers_of
 from handscope.app.database_answers import NO_ROOM, answer_to_database, route_of
 from handscope.app.error_body import error_body
 from handscope.app.input_mistakes import describe_mistake
@@ -159,4 +160,5 @@ def install(app: FastAPI) -> None:
     async def bug(request: Request, error: Exception) -> JSONResponse:
         log.exception("%s %s", request.method, route_of(request), exc_info=error)
         sentence = phrase("server.bug")
-        return JSONResponse(error_body(sentence, preferred(request)), 500)
+        headers = headers_of(request.scope)  # this answer passes no middleware
+        return JSONResponse(error_body(sentence, preferred(request)), 500, headers)

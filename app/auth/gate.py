@@ -8,13 +8,14 @@ from urllib.parse import urlsplit
 import anyio.to_thread
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
-from starlette.datastructures import Headers, MutableHeaders
+from starlette.datastructures import Headers
 from starlette.requests import HTTPConnection
 from starlette.responses import JSONResponse, RedirectResponse, Response
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from handscope.app.auth.audit_hooks import AuditHooks
 from handscope.app.auth.roles import ANYBODY, Requester, RouteAccess, RouteTable
+from handscope.app.auth.security_headers import secure
 from handscope.app.auth.ward_access import OTHER_WARD, is_visible, subjects
 from handscope.app.database_answers import answer_to_database
 from handscope.app.error_body import error_body
@@ -67,13 +68,8 @@ def cookie_of(connection: HTTPConnection) -> str | None:
     return connection.cookies.get(cookie_name(connection.scope))
 
 
-def secure(scope: Scope) -> bool:
-    """Whether the browser speaks TLS, with this server or with a trusted proxy."""
-    return scope["scheme"] in ("https", "wss")
-
-
 class Gate:
-    """Passes requests and web sockets of our own pages to what their account may use; adds security headers."""
+    """Passes requests and web sockets of our own pages to what their account may use."""
 
     def __init__(self, app: ASGIApp, store: Store, settings: Settings) -> None:
         self._app, self._store, self._settings = app, store, settings
@@ -95,10 +91,8 @@ class Gate:
         elif refusal is None and scope["type"] == "websocket":
             await self._audit.record_view(connection, access, 200)
         if scope["type"] == "http":
-            send_with_headers = _with_headers(
-                self._audit.record_on(send, connection, access), secure(scope)
-            )
-            await (refusal or self._app)(scope, receive, send_with_headers)
+            recorded = self._audit.record_on(send, connection, access)
+            await (refusal or self._app)(scope, receive, recorded)
         elif refusal is not None:
             await send({"type": "websocket.close", "code": 1008, "reason": "not allowed"})
         else:
@@ -230,30 +224,6 @@ class Gate:
         except ValueError:  # such as [::1 or localhost:99999
             return False
         return name in {"127.0.0.1", "localhost", "::1", self._settings.host, *self._settings.hosts}
-
-
-PAGE_POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; font-src 'self'; connect-src 'self'; "
-    "frame-src 'self'; manifest-src 'self'; base-uri 'none'; form-action 'self'; frame-ancestors 'self'"
-)
-
-
-def _with_headers(send: Send, over_tls: bool) -> Send:
-    async def sender(message: Message) -> None:
-        if message["type"] == "http.response.start":
-            headers = MutableHeaders(scope=message)
-            headers.setdefault("Content-Security-Policy", PAGE_POLICY)
-            headers.setdefault("X-Content-Type-Options", "nosniff")
-            headers.setdefault("Referrer-Policy", "no-referrer")
-            headers.setdefault("X-Frame-Options", "SAMEORIGIN")
-            headers.setdefault("Cross-Origin-Opener-Policy", "same-origin")
-            headers.setdefault("Cross-Origin-Resource-Policy", "same-origin")
-            headers.setdefault("Cache-Control", "no-store")
-            if over_tls:
-                headers.setdefault("Strict-Transport-Security", "max-age=31536000")
-        await send(message)
-
-    return sender
 
 
 def _from_elsewhere(headers: Headers, ours: str, kind: str, changes: bool) -> bool:

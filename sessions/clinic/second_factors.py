@@ -222,7 +222,8 @@ def _checked_name(name: str) -> str:
 
 
 def _random_code() -> str:
-    text = base64.b32encode(secrets.token_bytes(10)).decode().lower()
+    """120 random bits, so that a plain hash of it may be stored (OWASP ASVS 5, 6.5.2)."""
+    text = base64.b32encode(secrets.token_bytes(15)).decode().lower()
     return "-".join(text[k : k + 4] for k in range(0, len(text), 4))
 
 

@@ -10,7 +10,7 @@ import pytest
 from sqlalchemy import text, update
 from sqlalchemy.exc import IntegrityError
 
-from handscope.app.private_log import PrivateFormatter
+from handscope.app.private_log import LINE, PrivateFormatter
 from handscope.sessions.clinic import patients
 from handscope.sessions.db.tables import Login, now
 from handscope.sessions.store.logins import TOUCH_EVERY
@@ -53,6 +53,17 @@ def test_an_error_of_the_database_is_logged_without_its_row(tmp_path: Path) -> N
     record = logging.LogRecord("x", logging.ERROR, "", 0, "failed", None, (type(raised.value), raised.value, raised.value.__traceback__))  # fmt: skip
     line = PrivateFormatter().format(record)
     assert "IntegrityError (SQLITE_CONSTRAINT" in line and "INSERT" not in line
+
+
+def test_a_line_of_the_log_says_when_in_utc(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TZ", "Asia/Tokyo")
+    time.tzset()
+    record = logging.LogRecord("x", logging.ERROR, "", 0, "failed", None, None)
+    record.created, record.msecs = 0.0, 7.0
+    line = PrivateFormatter(LINE).format(record)
+    monkeypatch.undo()
+    time.tzset()
+    assert line.startswith("1970-01-01 00:00:00.007Z x ERROR")
 
 
 def test_reads_go_on_while_the_database_is_locked_and_writes_are_refused_with_words(

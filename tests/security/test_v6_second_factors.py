@@ -137,6 +137,8 @@ def test_recovery_codes_let_in_once_each_and_are_kept_as_hashes(
     with database(client) as db:
         stored = [f.secret for f in db.query(SecondFactor).filter_by(kind="recovery")]
     assert not set(stored) & {*codes, *renewed["recovery_codes"]}
+    bits = {5 * len(code.replace("-", "")) for code in codes}  # a base32 character has five
+    assert min(bits) >= 112, "with less, ASVS 6.5.2 wants a password's hash"
 
 
 def test_guessed_codes_have_to_wait(client: TestClient, clock: Clock) -> None:

@@ -8,7 +8,7 @@ from fastapi import APIRouter, Query, Request, Response
 from starlette.responses import HTMLResponse, RedirectResponse
 
 from handscope.app.api.login.login_routes import with_cookie
-from handscope.app.auth.gate import cookie_of, secure
+from handscope.app.auth.gate import cookie_of
 from handscope.app.auth.oidc import (
     NAME,
     Answer,
@@ -21,6 +21,7 @@ from handscope.app.auth.oidc import (
     verify_identity,
 )
 from handscope.app.auth.roles import ANYBODY, requires_role
+from handscope.app.auth.security_headers import secure
 from handscope.app.state import Db, PartsDep
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import accounts, audit

@@ -27,9 +27,10 @@ from handscope.app.api.patient_view.screen_access import (
     serve_while_shown,
     station_of,
 )
-from handscope.app.auth.gate import cookie_name, secure
+from handscope.app.auth.gate import cookie_name
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import ANYBODY, address_of, requires_role
+from handscope.app.auth.security_headers import secure
 from handscope.app.live.patient_view.invitations import SCREEN_LIFE, Screen
 from handscope.app.live.patient_view.screen_state import screen_state
 from handscope.app.live.station import Station
