@@ -277,7 +277,7 @@ def _close_window(
 def _copies(
     state: State, record: type[ChainState] | type[Joints] | type[Window]
 ) -> Iterator[Array]:
-    """The state's arrays that a record has, as numbers that a kernel may change."""
+    """Copies of the state's arrays that a record has, as contiguous floats: what a kernel writes does not reach the state."""
     return (np.array(getattr(state, name), float, order="C") for name in record._fields)
 
 
