@@ -1,4 +1,4 @@
-"""What the initial pose was missed by: the part that gravity in all sensors tells, given how far sensors usually sit askew.
+"""What the initial pose was missed by: the part that gravity in all sensors tells, given how far sensors are usually misaligned.
 
 In      a Calibration from a pose, with the nominal mounting that the pose was compared with; covariance of misalignments and of the pose's angles
 Out     the Calibration with the likeliest pose and mounting; the covariance of what is left of both

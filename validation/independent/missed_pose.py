@@ -86,7 +86,7 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, float]]]
     setting = (
         f"{wanted.seeds} people a row, simulated by validation/independent/simulator/free_movement.py, which shares no line with estimators/. Whole left hand with forearm, {DURATION:g} s, "
         f"every joint and the hand itself move at up to {PACE:g} Hz after a flat hand of which every freedom is missed by a normal error of that standard deviation. "
-        "Sensors askew by 5 deg about each axis, skin 2 deg and 1 mm in 90 deg. All 23 freedoms and five tips; NEES: mean normalised error squared, 1 is honest.",
+        "Sensors misaligned by 5 deg about each axis, skin 2 deg and 1 mm in 90 deg. All 23 freedoms and five tips; NEES: mean normalised error squared, 1 is honest.",
     )
     return Finding(
         "independent-pose", "What an inexact pose costs in another simulator", setting, (table,)

@@ -208,8 +208,8 @@ def test_standard_deviations_are_honest_with_sensors_of_another_quality(
 
 
 def test_a_functional_calibration_tells_how_well_it_is_known_how_the_sensors_sit() -> None:
-    """Sensors 20-30 deg askew: the movements' calibration and its covariance are used, and the
-    angles are as good as told."""
+    """Sensors misaligned by 20-30 deg: the movements' calibration and its covariance are used, and
+    the angles are as good as told."""
     errors = replace(SensorErrors(), misalignment=25.0, misalignment_width=5.0)
     recording = record_experiment(
         experiments.EXPERIMENTS["free"],
@@ -340,7 +340,7 @@ def test_a_strip_that_is_missing_in_the_pose_changes_the_others_by_less_than_the
 
 
 def experiment_in_strips(errors: SensorErrors) -> Simulated:
-    """Somebody moves one finger after another; every sensor sits askew and the pose is missed."""
+    """Somebody moves one finger after another; every sensor is misaligned and the pose is missed."""
     return strips_of(
         record_experiment(
             experiments.EXPERIMENTS["A-F2"],
