@@ -11,7 +11,18 @@ import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page, expect, sync_playwright
 
 from tests.browser import UNDRAWN, chromium
-from tests.journeys.house import LONG, RETRIES, ROOT, Server, api, begun, new_patient, shots, shown
+from tests.journeys.house import (
+    LONG,
+    RETRIES,
+    ROOT,
+    Server,
+    api,
+    begun,
+    new_patient,
+    shots,
+    shown,
+    simulate,
+)
 
 SIZE = {"width": 1024, "height": 768}
 NOISE = (
@@ -31,6 +42,11 @@ SELDOM = """
 """.replace(
     "PICTURE", str(PICTURE)
 )  # journeys ask what is in the scene; its looks are tests/app/scene's
+
+
+def drawn_seldom() -> str:
+    """The script of a browser that draws the scene seldom, and not at all where nobody keeps pictures."""
+    return SELDOM if shots() else SELDOM + UNDRAWN
 
 
 @pytest.fixture(scope="package")
@@ -107,7 +123,7 @@ def another_page(browser: Browser, server: Server) -> Iterator[Callable[..., Pag
         answer = context.request.post("/api/login", data={"token": server.token()})
         assert answer.ok, answer.text()
         context.set_default_timeout(LONG)
-        context.add_init_script(SELDOM if shots() else SELDOM + UNDRAWN)
+        context.add_init_script(drawn_seldom())
         page = context.new_page()
         page.on("pageerror", lambda error: complaints.append(f"{page.url}: {error}"))
         page.on(
@@ -175,21 +191,7 @@ def patient(page: Page) -> int:
 @pytest.fixture(scope="session")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A simulated tapping recording as a Motion-BIDS zip."""
-    path = tmp_path_factory.mktemp("recordings") / "tapping.zip"
-    words = [
-        sys.executable,
-        "-P",
-        "-m",
-        "handscope.app.cli",
-        "simulate",
-        "tapping",
-        "--hand",
-        "left",
-        "--out",
-        str(path),
-    ]
-    subprocess.run(words, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
-    return path
+    return simulate(tmp_path_factory.mktemp("recordings") / "tapping.zip", "tapping")
 
 
 @pytest.fixture

@@ -4,6 +4,8 @@ import itertools
 import os
 import re
 import socket
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -64,6 +66,19 @@ def new_patient(page: Page) -> int:
         data={"pseudonym": f"J-{next(NUMBERS):03d}", "affected_hand": "left"},
     )["id"]
     return made
+
+
+def simulate(path: Path, task: str, *options: str) -> Path:
+    """A simulated recording of the left hand as a Motion-BIDS zip."""
+    words = ["simulate", task, "--hand", "left", *options, "--out", str(path)]
+    program = [sys.executable, "-P", "-m", "handscope.app.cli"]
+    subprocess.run([*program, *words], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+    return path
+
+
+def newest_recording(data: Path) -> Path:
+    """The file of the recording that was written last."""
+    return max(data.rglob("*.mcap"), key=lambda path: path.stat().st_mtime)
 
 
 def shown(what: Locator, timeout: float = LONG) -> Locator:

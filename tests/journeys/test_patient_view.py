@@ -5,8 +5,7 @@ import re
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser import UNDRAWN
-from tests.journeys.conftest import SELDOM
+from tests.journeys.conftest import drawn_seldom
 from tests.journeys.house import (
     Server,
     act,
@@ -26,7 +25,7 @@ def test_the_patient_is_led_on_a_screen_of_their_own(
     page_without_scene: Page, newcomer: Page, server: Server
 ) -> None:
     page, tablet = page_without_scene, newcomer
-    tablet.add_init_script(SELDOM if shots() else SELDOM + UNDRAWN)
+    tablet.add_init_script(drawn_seldom())
     patient = new_patient(page)
     page.goto(f"/patients/{patient}")
     begin_session(page, "left")
@@ -84,7 +83,7 @@ def test_both_hands_are_measured_in_one_visit_one_after_the_other(
     page_without_scene: Page, newcomer: Page, server: Server
 ) -> None:
     page, tablet = page_without_scene, newcomer
-    tablet.add_init_script(SELDOM if shots() else SELDOM + UNDRAWN)
+    tablet.add_init_script(drawn_seldom())
     patient = new_patient(page)
     page.goto(f"/patients/{patient}")
     first = begin_session(page, "left")

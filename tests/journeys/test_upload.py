@@ -4,8 +4,6 @@ import csv
 import io
 import json
 import math
-import subprocess
-import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +11,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.journeys.house import ROOT, api, figure, held_back, keep_picture, scene_drawn, shown
+from tests.journeys.house import api, figure, held_back, keep_picture, scene_drawn, shown, simulate
 
 pytestmark = pytest.mark.browser
 HERE = "parseFloat(document.querySelector('.cursor')?.dataset.t)"
@@ -153,21 +151,7 @@ def test_figures_that_cannot_be_trusted_say_why_and_what_to_do(
     page: Page, patient: int, tmp_path: Path, task: str
 ) -> None:
     options, file, change, beside, trust = DOUBTED[task]
-    path = tmp_path / f"{task}.zip"
-    words = [
-        sys.executable,
-        "-P",
-        "-m",
-        "handscope.app.cli",
-        "simulate",
-        task,
-        "--hand",
-        "left",
-        *options,
-        "--out",
-        str(path),
-    ]
-    subprocess.run(words, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+    path = simulate(tmp_path / f"{task}.zip", task, *options)
     upload(page, path.name, _changed(path.read_bytes(), file, change))
     page.wait_for_url("**/sessions/*")
     card = page.locator(".card").filter(

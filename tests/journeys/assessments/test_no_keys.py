@@ -1,14 +1,12 @@
 """Nobody reads our keys: every page and report of a patient with ranges, taps, treatment and a goal, in both languages, holds words alone."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page
 
-from tests.journeys.house import ROOT, Server, api, new_patient, shown
+from tests.journeys.house import Server, api, new_patient, shown, simulate
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 KEY = re.compile(r"(?<![\w./-])[a-z]+\d*(?:_[a-z0-9]+)+(?![\w./-])")
@@ -28,9 +26,7 @@ def test_no_page_and_no_report_shows_a_key(
 ) -> None:
     page = page_without_scene
     patient = new_patient(page)
-    fist = tmp_path / "fist.zip"
-    simulated = [sys.executable, "-P", "-m", "handscope.app.cli", "simulate", "rom_fist"]
-    subprocess.run([*simulated, "--hand", "left", "--out", str(fist)], cwd=ROOT, check=True)
+    fist = simulate(tmp_path / "fist.zip", "rom_fist")
     sessions = []
     for k, name in enumerate(("fist", "tapping", "tapping")):
         packed = (fist if name == "fist" else recording).read_bytes()

@@ -27,6 +27,7 @@ from tests.journeys.house import (
     end_session,
     keep_picture,
     new_patient,
+    newest_recording,
     shown,
 )
 
@@ -102,7 +103,7 @@ def wait_for_recorded(page: Page, station: str, seconds: float) -> None:
 
 def require_every_byte(bridge: Bridge, data: Path) -> None:
     """The newest recording has what the glove sent, byte for byte, and no sample is missing."""
-    newest = max(data.rglob("*.mcap"), key=lambda path: path.stat().st_mtime)
+    newest = newest_recording(data)
     with newest.open("rb") as file:
         wire = b"".join(m.data for topic, m in read_messages(file, Findings()) if topic == "wire")
     end = bridge.require_all_of(wire)

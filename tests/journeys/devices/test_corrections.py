@@ -19,6 +19,7 @@ from tests.journeys.house import (
     keep_screen,
     name_port,
     new_patient,
+    newest_recording,
     shown,
 )
 
@@ -64,7 +65,7 @@ def test_a_fault_is_named_and_put_right_in_the_first_step_and_samples_stay_raw(
         expect(found).to_be_hidden()  # read anew, nothing is wrong any more
         page.wait_for_timeout(2000)
         end_session(page)
-    newest = max(server.data.rglob("*.mcap"), key=lambda path: path.stat().st_mtime)
+    newest = newest_recording(server.data)
     read = formats_recordings.load(newest)
     (event,) = [e for e in read.events if e.trial_type == "correction"]
     assert event.details["correction"] == kept

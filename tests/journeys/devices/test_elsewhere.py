@@ -27,7 +27,7 @@ from tests.journeys.devices.test_browsers_port import (
     opened,
     wait_for_recorded,
 )
-from tests.journeys.house import Server, end_session, shown
+from tests.journeys.house import Server, end_session, newest_recording, shown
 from tests.sessions.table_import.elsewhere import lift
 from tests.simulated import DEG
 
@@ -102,7 +102,7 @@ def test_angles_are_those_of_the_native_recording(
         end_session(page)
         page.wait_for_function(SENT)
         page.context.close()
-    newest = max(server.data.rglob("*.mcap"), key=lambda path: path.stat().st_mtime)
+    newest = newest_recording(server.data)
     read = recordings.load(newest)
     block = native.samples["imu"]
     assert {len(b.t) for b in read.samples.values()} == {len(block.t)}

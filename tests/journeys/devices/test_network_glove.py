@@ -9,7 +9,7 @@ from playwright.sync_api import Page
 import handscope
 from handscope.sessions.formats import recordings as formats_recordings
 from tests.app.devices.test_foreign_glove import RATE, foreign_glove
-from tests.journeys.house import Server, act, api, name_port, new_patient, shown
+from tests.journeys.house import Server, act, api, name_port, new_patient, newest_recording, shown
 
 pytestmark = [
     pytest.mark.browser,
@@ -57,7 +57,7 @@ def test_an_allowed_glove_in_the_network_is_recorded_whole_and_assessed(
         page.get_by_role("button", name="Yes, finish").click()
         page.wait_for_url("**/sessions/*")
     shown(page.get_by_role("heading", name="Range of motion"))
-    newest = max(server.data.rglob("*.mcap"), key=lambda path: path.stat().st_mtime)
+    newest = newest_recording(server.data)
     recording = formats_recordings.load(newest)
     assert not any(recording.losses.values())
     assert sum(len(stream.sensors) for stream in recording.streams) == 17
