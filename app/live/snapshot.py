@@ -70,7 +70,10 @@ class StationView:
     curve_title: str
     curve_unit: str
     curve_quantity: str
-    curve_points: Sequence[tuple[float, float]]  # of the newest attempt: s, mm or deg
+    curve_points: Sequence[
+        tuple[float, float]
+    ]  # of the newest attempt and shortly before: s, mm or deg
+    taps: int | None  # of the trial under review; None as long as it is not there
     hand_position: Mapping[str, Any] | None
     followed: bool  # whether the drawn hand is the tracked one
     mirrored: bool  # whether viewers see the hand as in a mirror
@@ -260,19 +263,22 @@ def _numbers(view: StationView) -> list[dict[str, Any]]:
         w.state in wz.STEPPING and not w.protocol.cycle
     ):  # the meter shows it, or nothing bends
         return []
-    if len(points) < 3:
+    t, values = np.array(points).reshape(-1, 2).T
+    done = values[t > w.onset]
+    if len(done) < 3:
         return []
-    t, values = np.array(points).T
     extremes = [
-        _number("largest", float(values.max()), view.curve_unit),
-        _number("smallest", float(values.min()), view.curve_unit),
+        _number("largest", float(done.max()), view.curve_unit),
+        _number("smallest", float(done.min()), view.curve_unit),
     ]
     if w.protocol.group in UNCOUNTED:
         return [*([dict(view.task_number)] if view.task_number else []), *extremes]
     if view.curve_quantity == "aperture":
-        taps = len(tapping.find_closings(tapping.Params(), t, values * 1e-3)) - 1
-        return [_number("taps", float(max(0, taps)), ""), *extremes]
-    return [_number("repetitions", float(repetitions.count(values, LEAST)), ""), *extremes]
+        taps = view.taps
+        if taps is None:
+            taps = tapping.count(tapping.Params(), t, values * 1e-3, w.onset, np.inf)
+        return [_number("taps", float(taps), ""), *extremes]
+    return [_number("repetitions", float(repetitions.count(done, LEAST)), ""), *extremes]
 
 
 def _number(name: str, value: float, unit: str) -> dict[str, Any]:

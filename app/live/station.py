@@ -248,6 +248,7 @@ class Station:
             curve_unit=self.curve.unit,
             curve_quantity=self.curve.what,
             curve_points=self.curve.attempted(),
+            taps=self.trial.taps,
             hand_position=self.hand_position.to_json(),
             followed=self._drawing.followed,
             mirrored=self._drawing.mirrored,
@@ -438,14 +439,8 @@ class Station:
             self._cue("wiggle")
 
     def _cue(self, task: str) -> None:
-        protocol = next(
-            (
-                p
-                for p in (*self.setup.protocols, *self.setup.steps, self.setup.free)
-                if p and p.name == task
-            ),
-            None,
-        )
+        known = (*self.setup.protocols, *self.setup.steps, self.setup.free)
+        protocol = next((p for p in known if p and p.name == task), None)
         self.curve.follow(protocol.curve_of(self._status.measured) if protocol else None)
         name, details = (
             (protocol.cue, {"lead": f"{protocol.countdown:g}", **protocol.cue_details})

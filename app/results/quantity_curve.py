@@ -10,6 +10,7 @@ import numpy as np
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import ANGLES, FINGERS, JOINT
 from handscope.estimators.measures.sustained_angle_measures import palm_turn
+from handscope.estimators.measures.tapping import MARGIN
 from handscope.estimators.numerics.typing import Array
 
 LENGTH = 20.0  # s stored for viewers
@@ -57,7 +58,7 @@ class Curve:
                     if self._points and t < self._points[-1][0]:
                         self._clear()
                     self._points.append((float(t), round(float(value), 2)))
-                    if self._onset < t <= min(self._end, self._onset + LONGEST):
+                    if self._onset - MARGIN < t <= min(self._end, self._onset + LONGEST):
                         self._attempt.append(self._points[-1])
             while self._points and self._points[0][0] < rows.t[-1] - LENGTH:
                 self._points.popleft()
@@ -70,18 +71,19 @@ class Curve:
     def attempt(
         self, onset: float, end: float = np.inf, pauses: Sequence[tuple[float, float]] = ()
     ) -> None:
-        """Store the points of an attempt from its onset to its end, without pauses, until another begins."""
+        """Store the points of an attempt from MARGIN before its onset to its end, without pauses, until another begins."""
         with self._lock:
             points = self._attempt if onset == self._onset else self._points
             self._attempt = [
                 p
                 for p in points
-                if onset < p[0] <= end and not any(start < p[0] <= to for start, to in pauses)
+                if onset - MARGIN < p[0] <= end
+                and not any(start < p[0] <= to for start, to in pauses)
             ]
             self._onset, self._end = onset, end
 
     def attempted(self) -> list[tuple[float, float]]:
-        """Points of the attempt."""
+        """Points of the attempt, and those of MARGIN before it."""
         with self._lock:
             return list(self._attempt)
 

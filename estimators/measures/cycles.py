@@ -162,6 +162,14 @@ def find_cycles(
     )
 
 
+def count_cycles(
+    params: Params, t: Array, opening: Array, smallest: float, within: tuple[float, float]
+) -> int:
+    """How many cycles `find_cycles` finds."""
+    signal = resample_even(t, opening, params.max_gap, params.lowpass)
+    return len(_complete_cycles(signal, _closings_within(params, signal, smallest, within)))
+
+
 def grade_cycles(c: Cycles, graded: tuple[Grade, str]) -> tuple[Grade, str]:
     """Grade and reason of a trial, with what its cycles leave out."""
     if c.count and c.smaller > OVERLOOKED * c.count:

@@ -55,6 +55,7 @@ __all__ = [
     "Params",
     "Tapping",
     "applies",
+    "count",
     "find_closings",
     "figures",
     "measure",
@@ -161,6 +162,11 @@ def measure(
         _distance_sd(part, offset),
         _angle_sd(part),
     )
+
+
+def count(params: Params, t: Array, distance: Array, onset: float, end: float) -> int:
+    """How many taps `measure` finds within [onset, end] in a distance (n,) in m that reaches MARGIN beyond."""
+    return cycles.count_cycles(params, t, distance, params.smallest, (onset, end))
 
 
 def of_distance(

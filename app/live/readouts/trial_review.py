@@ -35,7 +35,7 @@ POINTS = 240  # of a curve
 MOST = 3  # figures
 LEAST = 8.0  # deg: a curve that goes less far shows no repetition
 EARLY = 0.9  # of the time asked for, below which a trial was stopped early
-SETTLE = 0.3  # s after the trial until the last strip's samples have arrived
+SETTLE = tapping.MARGIN  # s after the trial until all samples have arrived that a measure looks at
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,7 @@ def review(
         "figures": [_figure(r, f, curve, earlier) for r, f in select_figures(results, curve)],
         "fingers": _fingers(results, curve),
         "problem": problem_of(blocks, protocol, curve, values, trial),
+        "taps": next((r.details.count for r in results if r.measure == "tapping"), None),
     }
 
 
@@ -259,6 +260,12 @@ class TrialReview:
             arguments = (trial, protocol, curve, wizard.pauses)
             threading.Thread(target=self._review, args=arguments, daemon=True).start()
 
+    @property
+    def taps(self) -> int | None:
+        """Taps of the trial under review as its result counts them; None until that is known, and in other tasks."""
+        found = self._payload
+        return None if found is None else found["taps"]
+
     def payload(self) -> Mapping[str, Any] | None:
         """The review as soon as it is there."""
         return self._payload
@@ -272,7 +279,7 @@ class TrialReview:
     ) -> None:
         _, onset, end = trial
         try:
-            rows = self._tracking.past(onset, end)
+            rows = self._tracking.past(onset - tapping.MARGIN, end + tapping.MARGIN)
             stretch = (onset, end, pauses)
             blocks = self._tracking.samples(onset)
             found = review(rows, blocks, protocol, curve, stretch, self._geometry, self._earlier)

@@ -1,5 +1,6 @@
 """Whole live sessions without pages: of a small glove, and of one in the network that is gone for a while."""
 
+import csv
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,7 @@ from handscope.estimators.hand.anatomy import FINGERS
 from handscope.sessions.formats import recordings as formats_recordings
 from tests.app.devices.test_network_ports import glove_behind_tcp
 from tests.app.devices.virtual import virtual_glove, wait_for
-from tests.app.live.test_live_numbers import setup_of
+from tests.app.live.test_live_numbers import numbers, setup_of
 
 WRIST = "rom_wrist_flexion"
 
@@ -67,6 +68,28 @@ def test_a_glove_of_hand_and_forearm_measures_the_wrist(
     figures = [line for line in lines if not line.startswith("#")]
     assert any("wrist_flexion_range" in line for line in figures)
     assert not any(finger in line for line in figures for finger in FINGERS)
+
+
+def test_taps_counted_at_the_station_are_those_of_the_result(
+    station_at: Callable[[str], Station], tmp_path: Path
+) -> None:
+    with virtual_glove(tmp_path / "glove") as port, station_at(str(port)) as station:
+        calibrate(station)
+        station.act("choose", "tapping")
+        station.act("start")
+        wait_for(lambda: station._wizard.state is State.TASK_REVIEW)
+        while_it_ran = numbers(station)["taps"]
+        wait_for(lambda: station.trial.number > 0)
+        shown = numbers(station)["taps"]
+        station.act("accept")
+    out = tmp_path / "assessed"
+    words = ["assess", str(station.setup.recording), "--method", "m2", "--out", str(out)]
+    assert main(words) == 0
+    lines = (out / "figures.csv").read_text().splitlines()
+    table = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+    (counted,) = [float(row["value"]) for row in table if row["name"] == "tapping_count"]
+    assert shown == counted > 10
+    assert 0 <= counted - while_it_ran <= 1  # the last one was not seen to end
 
 
 @pytest.mark.parametrize("outage", [2.0, pytest.param(30.0, marks=pytest.mark.slow)])

@@ -11,9 +11,11 @@ from handscope.app.live.station import Station
 from handscope.app.live.wizard.machine import State
 from handscope.app.protocols import load_all
 from handscope.app.results.quantity_curve import LENGTH
+from handscope.estimators.data import trajectory
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import FINGERS, JOINTS, SEGMENTS
 from handscope.estimators.hand.geometry import sized
+from handscope.estimators.measures import tapping
 from handscope.estimators.methods import METHODS
 from tests.app.live.wizard.test_machine import READY
 
@@ -50,7 +52,7 @@ def station(tmp_path: Path) -> Station:
 
 def moved(
     station: Station, start: float, stop: float, wide: float = WIDEST, narrow: float = NARROWEST
-) -> None:
+) -> Trajectory:
     """The hand taps from start to stop, told in pieces as the tracker does."""
     t = np.arange(start, stop, 1 / RATE)
     aperture = narrow + 0.5 * (wide - narrow) * (1 - np.cos(2 * np.pi * TAPS * t))
@@ -67,6 +69,7 @@ def moved(
     )
     for piece in np.array_split(np.arange(len(t)), max(1, len(t) // 10)):
         station.curve.add(whole.between(t[piece[0]], t[piece[-1]]))
+    return whole
 
 
 def enters(station: Station, state: State, **changed: float) -> None:
@@ -104,6 +107,16 @@ def test_a_task_longer_than_the_curve_is_counted_whole(station: Station) -> None
     assert (
         station.pulse(-np.inf)["points"][0][0] >= 2 * LENGTH - 1.0
     )  # what viewers are told stays short
+
+
+@pytest.mark.parametrize("onset", [5.0, 5.15, 5.2, 5.25, 5.35])
+def test_taps_are_counted_live_as_in_the_result(station: Station, onset: float) -> None:
+    whole = moved(station, 0.0, onset)
+    enters(station, State.TASK_RUN, onset=onset)
+    for end in np.arange(onset + 0.9, 12.0, 0.35):
+        whole = trajectory.join([whole, moved(station, float(whole.t[-1]) + 1 / RATE, end)], "left")
+        counted = tapping.measure(tapping.Params(), whole, onset, float(whole.t[-1])).count
+        assert numbers(station)["taps"] == counted
 
 
 def test_an_attempt_done_again_is_counted_anew(station: Station) -> None:
