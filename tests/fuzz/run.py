@@ -78,6 +78,9 @@ def _fuzz(name: str, seconds: int, corpus: Path) -> int:
     load_kernels()
     with atheris.instrument_imports(include=INSTRUMENTED):
         from tests.fuzz import targets
+
+        for data in targets.seeds(name):  # brings in what is imported when it is first needed
+            targets.run(name, data)
     begin = corpus / name
     begin.mkdir(parents=True, exist_ok=True)
     for data in targets.seeds(name):
