@@ -18,7 +18,7 @@ from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.simulation.movements import task_performance
 from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.person import draw_person
-from handscope.estimators.simulation.scenario import Simulated, simulate_performances
+from handscope.estimators.simulation.scenario import InertialGlove, Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import PRESETS
 from handscope.estimators.simulation.transmission import LINKS
 from handscope.sessions.files.recording import LoadedRecording
@@ -142,10 +142,8 @@ def _simulate(sample: Sample) -> Simulated:
         person.true,
         of_sensors,
         PRESETS["MPU-9250"],
-        sample.segments,
-        sample.rate,
+        glove=InertialGlove(rate=sample.rate, segments=sample.segments, link=LINKS[sample.link]),
         known=person.declared,
-        link=LINKS[sample.link],
     )
     if not sample.broken:
         return made

@@ -12,7 +12,7 @@ from handscope.app.version import software_version
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS
 from handscope.estimators.hand.geometry import sized
-from handscope.estimators.simulation.experiments import EXPERIMENTS, record_experiment
+from handscope.estimators.simulation.experiments import EXPERIMENTS, PersonErrors, record_experiment
 from handscope.estimators.simulation.magnetic_field import MagneticField, homogeneous, office
 from handscope.estimators.simulation.movements import (
     functional_calibration,
@@ -25,6 +25,7 @@ from handscope.estimators.simulation.movements.task_performance import Performan
 from handscope.estimators.simulation.person import Person, draw_person
 from handscope.estimators.simulation.scenario import (
     ForceGlove,
+    InertialGlove,
     Simulated,
     simulate,
     simulate_performances,
@@ -169,10 +170,8 @@ def _made(arguments: argparse.Namespace) -> Simulated:
             errors,
             field,
             arguments.hand,
-            arguments.pose_error,
-            rate=rate,
-            forearm_rate=forearm_rate,
-            link=link,
+            person=PersonErrors(pose_deg=arguments.pose_error),
+            glove=InertialGlove(rate=rate, forearm_rate=forearm_rate, link=link),
         )
     if arguments.task in object_dynamics.TASKS:
         return _held(arguments, rng, errors, field)
@@ -213,8 +212,7 @@ def _with_trunk(
         hand,
         rng,
         errors,
-        rate=arguments.rate,
-        link=LINKS[arguments.link],
+        glove=InertialGlove(rate=arguments.rate, link=LINKS[arguments.link]),
         on_trunk=TrunkGlove(),
     )
 
@@ -284,11 +282,13 @@ def _performed(
         person.true,
         of_sensors,
         errors,
-        rate=arguments.rate,
-        forearm_rate=None if arguments.link == "wired" else FOREARM_RATE,
+        glove=InertialGlove(
+            rate=arguments.rate,
+            forearm_rate=None if arguments.link == "wired" else FOREARM_RATE,
+            link=LINKS[arguments.link],
+        ),
         field=field,
         known=person.declared,
-        link=LINKS[arguments.link],
         force=force,
     )
 
@@ -313,9 +313,8 @@ def _captured(
         fit.geometry,
         rng,
         errors,
-        rate=arguments.rate,
+        glove=InertialGlove(rate=arguments.rate, link=LINKS[arguments.link]),
         field=field,
-        link=LINKS[arguments.link],
     )
 
 

@@ -15,7 +15,7 @@ from handscope.estimators.simulation.motion import COORDINATES
 from handscope.estimators.simulation.movements import task_performance as perform
 from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.person import draw_person
-from handscope.estimators.simulation.scenario import simulate_performances
+from handscope.estimators.simulation.scenario import InertialGlove, simulate_performances
 from handscope.estimators.simulation.sensors import PRESETS
 from handscope.estimators.simulation.transmission import LINKS
 from handscope.sessions.files.recording import LoadedRecording
@@ -45,9 +45,8 @@ def write(
         person.true,
         of_sensors,
         PRESETS["MPU-9250"],
-        rate=RATE,
+        glove=InertialGlove(rate=RATE, link=LINKS["wired"]),
         known=person.declared,
-        link=LINKS["wired"],
     )
     recording = LoadedRecording(
         made.hand,

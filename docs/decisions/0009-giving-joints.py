@@ -16,7 +16,11 @@ from handscope.estimators.methods import ekf
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation import experiments
-from handscope.estimators.simulation.experiments import judged_samples, record_experiment
+from handscope.estimators.simulation.experiments import (
+    PersonErrors,
+    judged_samples,
+    record_experiment,
+)
 from handscope.estimators.simulation.motion import Motion
 from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.scenario import Simulated
@@ -82,8 +86,7 @@ def made(seed: int, size_deg: float, follows: bool) -> Simulated:
         SensorErrors(),
         None,
         "left",
-        2.5,
-        give_deg=give_deg,
+        person=PersonErrors(pose_deg=2.5, give_deg=give_deg),
     )
 
 

@@ -6,12 +6,12 @@ Source  Salchow-Hoemmen 2019, 3.1.3 and Table 4 (10-15 repetitions, 30-50 s, joi
 Limits  how far each joint goes is ours: the papers give numbers of repetitions, durations and greatest rates
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from handscope.estimators.hand.anatomy import FINGERS, IS_DOF, JOINT, SEGMENTS, Hand
+from handscope.estimators.hand.anatomy import FINGERS, IS_DOF, JOINT, Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation import joint_compliance
@@ -24,9 +24,13 @@ from handscope.estimators.simulation.movements import (
 )
 from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.person import draw_person
-from handscope.estimators.simulation.scenario import Simulated, simulate_performances
+from handscope.estimators.simulation.scenario import (
+    FULL_GLOVE,
+    InertialGlove,
+    Simulated,
+    simulate_performances,
+)
 from handscope.estimators.simulation.sensors import SensorErrors
-from handscope.estimators.simulation.transmission import WIRED, Transmission
 
 Perform = Callable[[HandGeometry, np.random.Generator], tuple[Performance, ...]]
 
@@ -47,64 +51,49 @@ class Experiment:
     distance: float = 0.0  # m, true distance between the contact points
 
 
+@dataclass(frozen=True)
+class PersonErrors:
+    """In what a person differs from what a method is given of them."""
+
+    pose_deg: float = 0.0  # deg, largest miss of the initial pose in each freedom
+    wrist_deg: float | None = None  # deg, the wrist's; None: as the fingers'
+    is_normal: bool = False  # misses are normal with these standard deviations, not evenly spread
+    lengths: bool = True  # the hand differs from its declared geometry
+    give_deg: float = 0.0  # deg, by which joints give (joint_compliance.py)
+
+
 def record_experiment(
     experiment: Experiment,
     rng: np.random.Generator,
     errors: SensorErrors,
     field: MagneticField | None,
     hand: Hand = "left",
-    pose_error_deg: float = 0.0,
-    length_errors: bool = True,
-    rate: float = 100.0,
-    segments: Sequence[str] = SEGMENTS,
-    forearm_rate: float | None = None,
-    link: Transmission = WIRED,
-    wrist_error_deg: float | None = None,
+    person: PersonErrors = PersonErrors(),
+    glove: InertialGlove = FULL_GLOVE,
     steps: bool = False,
-    give_deg: float = 0.0,
-    normal_pose_error: bool = False,
 ) -> Simulated:
-    """Somebody with a hand of their own does it; the method gets its declared geometry. The wrist misses the pose as the fingers do unless given.
+    """Somebody with a hand of their own does it; the method gets its declared geometry.
 
-    With `steps` a functional calibration stands between the pose and the experiment; joints give by `give_deg` (giving.py).
+    With `steps` a functional calibration stands between the pose and the experiment.
 
     Each source of error has a random stream of its own: what is switched off leaves all the others as they were.
     """
     of_person, of_pose, of_motion, of_sensors, of_steps, of_give = rng.spawn(6)
-    person = draw_person(hand, of_person)
-    true = person.true if length_errors else person.declared
+    somebody = draw_person(hand, of_person)
+    true = somebody.true if person.lengths else somebody.declared
     pose, *rest = experiment.perform(true, of_motion)
-    pose = task_performance.initial_pose(
-        true,
-        pose.motion.duration,
-        taken=_miss_posture(
-            task_performance.flat(), pose_error_deg, of_pose, wrist_error_deg, normal_pose_error
-        ),
-    )
+    missed = _miss_posture(task_performance.flat(), person, of_pose)
+    pose = task_performance.initial_pose(true, pose.motion.duration, taken=missed)
     calibrating = functional_calibration.all_steps(true, of_steps) if steps else ()
     whole, phase = [pose, *calibrating, *rest], joint_compliance.draw_phases(of_give)
-    if give_deg:
+    if person.give_deg:
+        give = np.radians(person.give_deg)
         whole = [
-            replace(
-                p,
-                motion=joint_compliance.JointCompliance(
-                    p.motion.spline, np.radians(give_deg), phase
-                ),
-            )
+            replace(p, motion=joint_compliance.JointCompliance(p.motion.spline, give, phase))
             for p in whole
         ]
     return simulate_performances(
-        whole,
-        hand,
-        true,
-        of_sensors,
-        errors,
-        segments,
-        rate,
-        forearm_rate,
-        field,
-        known=person.declared,
-        link=link,
+        whole, hand, true, of_sensors, errors, glove, field, known=somebody.declared
     )
 
 
@@ -118,18 +107,11 @@ def judged_samples(made: Simulated) -> Array:
     )
 
 
-def _miss_posture(
-    pose: Array,
-    largest_deg: float,
-    rng: np.random.Generator,
-    wrist_deg: float | None,
-    normal: bool,
-) -> Array:
-    """The pose with every freedom of every joint off by up to `largest_deg`, evenly spread, or normally with that
-    standard deviation; the wrist's by `wrist_deg`."""
-    largest = np.full((len(IS_DOF), 1), largest_deg)
-    largest[JOINT["wrist"]] = largest_deg if wrist_deg is None else wrist_deg
-    share = rng.normal(size=IS_DOF.shape) if normal else rng.uniform(-1, 1, IS_DOF.shape)
+def _miss_posture(pose: Array, person: PersonErrors, rng: np.random.Generator) -> Array:
+    """The pose with every freedom of every joint off by what the person misses it by."""
+    largest = np.full((len(IS_DOF), 1), person.pose_deg)
+    largest[JOINT["wrist"]] = person.pose_deg if person.wrist_deg is None else person.wrist_deg
+    share = rng.normal(size=IS_DOF.shape) if person.is_normal else rng.uniform(-1, 1, IS_DOF.shape)
     off = np.radians(largest) * share * IS_DOF
     return np.concatenate([pose[:6], pose[6:] + off.ravel()])
 

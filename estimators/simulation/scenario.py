@@ -68,6 +68,20 @@ class Simulated:
         yield from self.samples.values()
 
 
+@dataclass(frozen=True)
+class InertialGlove:
+    """Which segments wear sensors, how often they are read, and how samples come."""
+
+    segments: Sequence[str] = SEGMENTS
+    rate: float = 100.0  # Hz
+    forearm_rate: float | None = None  # Hz, in a stream of its own; None: as the others
+    mag_rate: float = 100.0  # Hz, where there is a field
+    link: Transmission = WIRED
+
+
+FULL_GLOVE = InertialGlove()  # a sensor on every segment
+
+
 def simulate(
     task_names: Sequence[str],
     hand: Hand,
@@ -90,7 +104,13 @@ def simulate(
         )
     performances = [task_performance.TASKS[name](geometry) for name in task_names]
     return simulate_performances(
-        performances, hand, geometry, rng, errors, segments, rate, forearm_rate, field, link=link
+        performances,
+        hand,
+        geometry,
+        rng,
+        errors,
+        glove=InertialGlove(rate=rate, segments=segments, forearm_rate=forearm_rate, link=link),
+        field=field,
     )
 
 
@@ -100,13 +120,9 @@ def simulate_performances(
     geometry: HandGeometry,
     rng: np.random.Generator,
     errors: SensorErrors,
-    segments: Sequence[str] = SEGMENTS,
-    rate: float = 100.0,
-    forearm_rate: float | None = None,
+    glove: InertialGlove = FULL_GLOVE,
     field: MagneticField | None = None,
-    mag_rate: float = 100.0,
     known: HandGeometry | None = None,
-    link: Transmission = WIRED,
     force: ForceGlove | None = None,
     on_trunk: TrunkGlove | None = None,
 ) -> Simulated:
@@ -114,14 +130,12 @@ def simulate_performances(
 
     Magnetometers, losses, force sensors and what is worn on the trunk have random streams of their own: the inertial readings are the same with and without them.
     """
-    worn = sensors.mount_sensors(segments, geometry, errors, rng)
+    worn = sensors.mount_sensors(glove.segments, geometry, errors, rng)
     of_mag, of_link, of_force, of_trunk = rng.spawn(4)
-    plans = _plan_streams(
-        segments, errors, rate, forearm_rate, mag_rate if field is not None else None
-    )
+    plans = _plan_streams(glove, errors, has_magnetometers=field is not None)
     fastest = max((p for p in plans if p.inertial), key=lambda p: (p.rate, p.name == "imu"))
     clocks = {
-        p.name: transmission.clock_rate(link, of_link) if p.clock == "forearm" else 1.0
+        p.name: transmission.clock_rate(glove.link, of_link) if p.clock == "forearm" else 1.0
         for p in plans
     }
     parts: dict[str, list[Block]] = {p.name: [] for p in plans}
@@ -158,7 +172,8 @@ def simulate_performances(
         }
     mounting, plate = ({}, None) if carried is None else (carried.mounting, carried.plate)
     samples = {
-        name: transmission.transmit(link, join(blocks), of_link) for name, blocks in parts.items()
+        name: transmission.transmit(glove.link, join(blocks), of_link)
+        for name, blocks in parts.items()
     }
     return Simulated(
         hand,
@@ -268,30 +283,20 @@ def _simulate_trunk(
 
 
 def _plan_streams(
-    segments: Sequence[str],
-    errors: SensorErrors,
-    rate: float,
-    forearm_rate: float | None,
-    mag_rate: float | None,
+    glove: InertialGlove, errors: SensorErrors, has_magnetometers: bool
 ) -> list[Stream]:
-    """The streams: one by wire, the forearm's own where it has a rate of its own, magnetometers where they have one."""
+    """The streams: one by wire, the forearm's own where it has a rate of its own, magnetometers'."""
     scale = {GYR: float(np.radians(errors.gyr_range)), ACC: errors.acc_range * GRAVITY}
-    own_stream = ("forearm",) if forearm_rate is not None and "forearm" in segments else ()
-    plans = [
-        Stream(
-            "imu", tuple(s for s in segments if s not in own_stream), (GYR, ACC), rate, "imu", scale
-        )
-    ]
-    plans += (
-        [Stream("forearm", own_stream, (GYR, ACC), forearm_rate or rate, "forearm", scale)]
-        if own_stream
-        else []
-    )
-    plans += (
-        [Stream("mag", tuple(segments), (MAG,), mag_rate, "imu", {MAG: errors.mag_range * 1e-6})]
-        if mag_rate is not None
-        else []
-    )
+    rate, inertial, plans = glove.rate, (GYR, ACC), []
+    has_own_stream = glove.forearm_rate is not None and "forearm" in glove.segments
+    by_wire = tuple(s for s in glove.segments if not (has_own_stream and s == "forearm"))
+    plans.append(Stream("imu", by_wire, inertial, rate, "imu", scale))
+    if has_own_stream:
+        rate = glove.forearm_rate or rate
+        plans.append(Stream("forearm", ("forearm",), inertial, rate, "forearm", scale))
+    if has_magnetometers:
+        scale = {MAG: errors.mag_range * 1e-6}
+        plans.append(Stream("mag", tuple(glove.segments), (MAG,), glove.mag_rate, "imu", scale))
     return plans
 
 

@@ -18,8 +18,13 @@ from handscope.estimators.methods import METHODS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
-from handscope.estimators.simulation.experiments import EXPERIMENTS, KORTIER2, record_experiment
-from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.experiments import (
+    EXPERIMENTS,
+    KORTIER2,
+    PersonErrors,
+    record_experiment,
+)
+from handscope.estimators.simulation.scenario import InertialGlove, Simulated
 from handscope.estimators.simulation.sensors import LSM330DLC_HMC5983
 from handscope.validation.papers import published
 from handscope.validation.reproduce import Wanted
@@ -76,9 +81,8 @@ def measure(trial: Trial) -> Found:
             LSM330DLC_HMC5983,
             None,
             "left",
-            POSE_ERROR,
-            rate=RATE,
-            segments=SEGMENTS_WORN,
+            person=PersonErrors(pose_deg=POSE_ERROR),
+            glove=InertialGlove(rate=RATE, segments=SEGMENTS_WORN),
             steps=steps,
         )
         for column, (name, with_steps) in VARIANTS.items():

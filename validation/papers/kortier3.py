@@ -18,7 +18,7 @@ from handscope.estimators.methods import METHODS
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation.movements import functional_calibration, task_performance
 from handscope.estimators.simulation.person import draw_person
-from handscope.estimators.simulation.scenario import Simulated, simulate_performances
+from handscope.estimators.simulation.scenario import InertialGlove, Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import LSM330DLC_HMC5983
 from handscope.validation.papers import published
 from handscope.validation.reproduce import Wanted
@@ -72,7 +72,13 @@ def recorded(trial: Trial) -> Simulated:
     steps = functional_calibration.all_steps(person.true, of_steps)
     done = [*steps, *(task_performance.TASKS[name](person.true) for name in TASKS)]
     return simulate_performances(
-        done, "left", person.true, of_sensors, MOUNTED, SEGMENTS_WORN, RATE, known=person.declared
+        done,
+        "left",
+        person.true,
+        of_sensors,
+        MOUNTED,
+        glove=InertialGlove(rate=RATE, segments=SEGMENTS_WORN),
+        known=person.declared,
     )
 
 

@@ -20,13 +20,14 @@ from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation import experiments
 from handscope.estimators.simulation.experiments import (
     Experiment,
+    PersonErrors,
     judged_samples,
     record_experiment,
 )
 from handscope.estimators.simulation.magnetic_field import homogeneous, office
 from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.person import Anatomy
-from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.scenario import InertialGlove, Simulated
 from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.validation.reproduce.finding import Sizes
 
@@ -81,12 +82,14 @@ def performed(
         errors or SensorErrors(),
         field,
         "left",
-        pose_error,
-        length_errors,
-        RATE,
-        wrist_error_deg=wrist_error,
-        give_deg=give,
-        normal_pose_error=normal_pose_error,
+        person=PersonErrors(
+            pose_deg=pose_error,
+            lengths=length_errors,
+            wrist_deg=wrist_error,
+            give_deg=give,
+            is_normal=normal_pose_error,
+        ),
+        glove=InertialGlove(rate=RATE),
     )
 
 
@@ -95,7 +98,14 @@ def calibrating(trial: Trial) -> Simulated:
     of_field, of_person = _generators(trial)
     field, experiment = homogeneous(_north(of_field)), experiments.EXPERIMENTS[trial.experiment]
     return record_experiment(
-        experiment, of_person, SensorErrors(), field, "left", POSE_ERROR, rate=RATE, steps=True
+        experiment,
+        of_person,
+        SensorErrors(),
+        field,
+        "left",
+        person=PersonErrors(pose_deg=POSE_ERROR),
+        glove=InertialGlove(rate=RATE),
+        steps=True,
     )
 
 
@@ -109,7 +119,13 @@ def in_either_field(trial: Trial) -> tuple[Simulated, Simulated]:
     fields = (office(of_field, north), homogeneous(north))
     near, far = (
         record_experiment(
-            experiment, deepcopy(of_person), SensorErrors(), field, "left", POSE_ERROR, rate=RATE
+            experiment,
+            deepcopy(of_person),
+            SensorErrors(),
+            field,
+            "left",
+            person=PersonErrors(pose_deg=POSE_ERROR),
+            glove=InertialGlove(rate=RATE),
         )
         for field in fields
     )

@@ -28,7 +28,7 @@ from handscope.estimators.simulation import experiments
 from handscope.estimators.simulation.experiments import Experiment
 from handscope.estimators.simulation.movements import task_performance as tasks
 from handscope.estimators.simulation.movements.task_performance import Performance
-from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.scenario import InertialGlove, Simulated
 from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.estimators.simulation.transmission import WIRED, Transmission
 from handscope.sessions.files.recording import LoadedRecording
@@ -347,9 +347,8 @@ def recorded(name: str, seed: int) -> Made:
         kind.errors,
         None,
         "left",
-        2.5,
-        segments=segments,
-        link=kind.link,
+        person=experiments.PersonErrors(pose_deg=2.5),
+        glove=InertialGlove(segments=segments, link=kind.link),
     )
     return Made(made, tuple(made.blocks()), kind.finger)
 

@@ -15,7 +15,7 @@ from handscope.estimators.simulation.movements import free_movement
 from handscope.estimators.simulation.movements import task_performance as tasks
 from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.person import draw_person
-from handscope.estimators.simulation.scenario import simulate_performances
+from handscope.estimators.simulation.scenario import InertialGlove, simulate_performances
 from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.estimators.simulation.transmission import WIRED, Transmission
 from handscope.sessions.formats import recordings as formats
@@ -35,7 +35,12 @@ def _tasks(
         done = [_stiffened(tasks.TASKS[name](person.true), stiff) for name in names]
         return list(
             simulate_performances(
-                done, "left", person.true, rng, SensorErrors(), worn, link=link
+                done,
+                "left",
+                person.true,
+                rng,
+                SensorErrors(),
+                glove=InertialGlove(segments=worn, link=link),
             ).blocks()
         )
 
@@ -53,7 +58,11 @@ def _stiffened(done: Performance, share: float) -> Performance:
 def _experiment(name: str) -> Make:
     return lambda rng: list(
         experiments.record_experiment(
-            experiments.EXPERIMENTS[name], rng, SensorErrors(), None, pose_error_deg=2.5
+            experiments.EXPERIMENTS[name],
+            rng,
+            SensorErrors(),
+            None,
+            person=experiments.PersonErrors(pose_deg=2.5),
         ).blocks()
     )
 

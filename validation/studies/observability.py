@@ -34,7 +34,7 @@ from handscope.estimators.simulation.artificial_finger import (
 from handscope.estimators.simulation.motion import COORDINATES, SIZE, Motion, interpolate_postures
 from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.person import draw_person
-from handscope.estimators.simulation.scenario import Simulated, simulate_performances
+from handscope.estimators.simulation.scenario import InertialGlove, Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import SensorSet
 from handscope.validation.papers.kortier4 import CONDITIONS, HINGED, MM
 from handscope.validation.reproduce import Wanted
@@ -147,7 +147,7 @@ def _recorded(trial: Trial, rng: np.random.Generator) -> tuple[Simulated, HandGe
             person.true,
             rng,
             errors,
-            SEGMENTS,
+            glove=InertialGlove(segments=SEGMENTS),
             known=person.declared,
         ), person.true
     return artificial_finger.record_trial(

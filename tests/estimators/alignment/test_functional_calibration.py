@@ -16,7 +16,7 @@ from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation.movements import functional_calibration as functional
 from handscope.estimators.simulation.movements import task_performance
 from handscope.estimators.simulation.movements.functional_calibration import Carelessness
-from handscope.estimators.simulation.scenario import Simulated, simulate_performances
+from handscope.estimators.simulation.scenario import InertialGlove, Simulated, simulate_performances
 from tests.estimators.alignment.functional import (
     ANYHOW,
     PERFECT,
@@ -265,7 +265,7 @@ def test_a_glove_with_two_strips_and_a_forearm_of_another_rate_is_calibrated() -
     rng = np.random.default_rng(8)
     performances = [task_performance.initial_pose(g), *functional.all_steps(g, rng)]
     recording = simulate_performances(
-        performances, "right", g, rng, ANYHOW, segments=worn, forearm_rate=60.0
+        performances, "right", g, rng, ANYHOW, glove=InertialGlove(segments=worn, forearm_rate=60.0)
     )
     found = process(m2, PARAMS, recording).calibrations[0]
     assert set(found.q_BS_sd) == set(worn)

@@ -13,7 +13,7 @@ from handscope.estimators.hand.anatomy import DEVIATION, FINGERS, JOINT
 from handscope.estimators.methods import METHODS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.pipeline.process import process
-from handscope.estimators.simulation.experiments import EXPERIMENTS, record_experiment
+from handscope.estimators.simulation.experiments import EXPERIMENTS, PersonErrors, record_experiment
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import IDEAL
 from tests.simulated import DEG
@@ -29,9 +29,7 @@ def missed() -> Simulated:
         np.random.default_rng(5),
         IDEAL,
         None,
-        pose_error_deg=8.0,
-        length_errors=False,
-        wrist_error_deg=0.0,
+        person=PersonErrors(pose_deg=8.0, lengths=False, wrist_deg=0.0),
     )
 
 

@@ -19,7 +19,11 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline import run
 from handscope.estimators.simulation import experiments
-from handscope.estimators.simulation.experiments import judged_samples, record_experiment
+from handscope.estimators.simulation.experiments import (
+    PersonErrors,
+    judged_samples,
+    record_experiment,
+)
 from handscope.estimators.simulation.magnetic_field import homogeneous, office
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import SensorErrors
@@ -123,7 +127,7 @@ def test_a_heading_lost_by_a_gap_is_recovered_with_honest_deviations() -> None:
             SensorErrors(),
             homogeneous(0.3),
             "left",
-            2.5,
+            person=PersonErrors(pose_deg=2.5),
         )
         recording, behind = _without_thumb(whole, 1.0)
         for params in (WITHOUT, WITH):
@@ -150,7 +154,7 @@ def test_in_a_disturbed_room_the_gates_keep_it_harmless() -> None:
             SensorErrors(),
             field,
             "left",
-            2.5,
+            person=PersonErrors(pose_deg=2.5),
         )
         rms = [
             float(

@@ -25,7 +25,11 @@ from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline import run
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation import experiments
-from handscope.estimators.simulation.experiments import judged_samples, record_experiment
+from handscope.estimators.simulation.experiments import (
+    PersonErrors,
+    judged_samples,
+    record_experiment,
+)
 from handscope.estimators.simulation.joint_compliance import AS_MEASURED
 from handscope.estimators.simulation.scenario import Simulated, simulate
 from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
@@ -138,8 +142,7 @@ def _somebody(
         errors,
         None,
         hand,
-        2.5,
-        give_deg=give,
+        person=PersonErrors(pose_deg=2.5, give_deg=give),
     )
     return recording, _tracked(recording)
 
@@ -217,7 +220,7 @@ def test_a_functional_calibration_tells_how_well_it_is_known_how_the_sensors_sit
         errors,
         None,
         "left",
-        2.5,
+        person=PersonErrors(pose_deg=2.5),
         steps=True,
     )
     found: list[Array] = []
@@ -347,7 +350,7 @@ def experiment_in_strips(errors: SensorErrors) -> Simulated:
             np.random.default_rng(8),
             errors,
             None,
-            pose_error_deg=2.5,
+            person=PersonErrors(pose_deg=2.5),
         )
     )
 

@@ -17,7 +17,7 @@ from handscope.estimators.simulation import kinematics
 from handscope.estimators.simulation.motion import make_posture, move_through
 from handscope.estimators.simulation.movements import task_performance
 from handscope.estimators.simulation.movements.task_performance import Performance
-from handscope.estimators.simulation.scenario import Simulated, simulate_performances
+from handscope.estimators.simulation.scenario import InertialGlove, Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
 from tests.simulated import calibrated
 
@@ -58,8 +58,7 @@ def _reaching(
         geometry,
         np.random.default_rng(seed),
         errors,
-        ("hand", "index_distal"),
-        rate,
+        glove=InertialGlove(rate=rate, segments=("hand", "index_distal")),
     )
     lever = made.sensors.p_BS[made.sensors.segments.index("hand")]
     places, begin = [], 0.0

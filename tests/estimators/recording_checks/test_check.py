@@ -15,7 +15,7 @@ from handscope.estimators.methods import m2
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.recording_checks.check import check_processed, suspicions_of
-from handscope.estimators.simulation.experiments import EXPERIMENTS, record_experiment
+from handscope.estimators.simulation.experiments import EXPERIMENTS, PersonErrors, record_experiment
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import SensorErrors
 from tests.simulated import pose_and_wiggle
@@ -86,7 +86,12 @@ def exchanged(recording: Simulated, a: str, b: str) -> Simulated:
 
 def test_sensors_in_each_others_place_are_named_and_their_figures_are_not_good() -> None:
     tapping = record_experiment(
-        EXPERIMENTS["tapping"], np.random.default_rng(12), SensorErrors(), None, "left", 2.5
+        EXPERIMENTS["tapping"],
+        np.random.default_rng(12),
+        SensorErrors(),
+        None,
+        "left",
+        person=PersonErrors(pose_deg=2.5),
     )
     wrong = exchanged(tapping, "index_middle", "index_distal")
     checked = check_processed(process(m2, m2.Params(), wrong), wrong)

@@ -22,6 +22,7 @@ from handscope.estimators.simulation.experiments import (
     TABLE6,
     TABLE7,
     Experiment,
+    PersonErrors,
     judged_samples,
     record_experiment,
 )
@@ -67,7 +68,12 @@ def _recorded(
     lengths: bool = True,
 ) -> Simulated:
     return record_experiment(
-        EXPERIMENTS[name], np.random.default_rng(seed), errors, None, "left", pose_error, lengths
+        EXPERIMENTS[name],
+        np.random.default_rng(seed),
+        errors,
+        None,
+        "left",
+        person=PersonErrors(pose_deg=pose_error, lengths=lengths),
     )
 
 
@@ -192,7 +198,12 @@ def test_the_right_hand_is_the_left_ones_mirror_image(name: str) -> None:
 def test_sensors_on_the_right_hand_read_the_mirror_image(name: str) -> None:
     left, right = (
         record_experiment(
-            EXPERIMENTS[name], np.random.default_rng(6), IDEAL, None, hand, pose_error_deg=2.5
+            EXPERIMENTS[name],
+            np.random.default_rng(6),
+            IDEAL,
+            None,
+            hand,
+            person=PersonErrors(pose_deg=2.5),
         ).samples["imu"]
         for hand in HANDS
     )
@@ -288,7 +299,11 @@ def test_switching_a_source_of_error_off_leaves_the_motion_as_it_was() -> None:
 def test_a_seed_draws_the_same_person_pose_and_motion_and_another_one_another() -> None:
     a, b, c = (
         record_experiment(
-            TABLE7["P1 F1-F2"], np.random.default_rng(s), SensorErrors(), None, pose_error_deg=2.5
+            TABLE7["P1 F1-F2"],
+            np.random.default_rng(s),
+            SensorErrors(),
+            None,
+            person=PersonErrors(pose_deg=2.5),
         )
         for s in (4, 4, 5)
     )

@@ -6,7 +6,7 @@ import pytest
 from handscope.estimators.data.fingertip_contacts import FINGERTIPS, contact_points_of
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.simulation.experiments import KORTIER2, judged_samples
-from handscope.estimators.simulation.scenario import simulate_performances
+from handscope.estimators.simulation.scenario import InertialGlove, simulate_performances
 from handscope.estimators.simulation.sensors import IDEAL
 from handscope.validation.papers import kortier2, published
 from handscope.validation.papers.kortier2 import FAST, HOLDS, TIPS, WITH, Found
@@ -29,7 +29,7 @@ def test_ten_pinches_are_closed_where_they_are_judged() -> None:
         geometry,
         np.random.default_rng(4),
         IDEAL,
-        ("hand",),
+        glove=InertialGlove(segments=("hand",)),
     )
     tasks = [e for e in made.events if e.trial_type == "task"]
     assert len(tasks) == 10 and all(0.5 < e.duration < 1.3 for e in tasks)

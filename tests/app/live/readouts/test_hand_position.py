@@ -10,7 +10,7 @@ from handscope.estimators.hand.geometry import sized
 from handscope.estimators.magnet.pipeline.hand_position import PlaceParams
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.simulation.movements import task_performance
-from handscope.estimators.simulation.scenario import Simulated, simulate_performances
+from handscope.estimators.simulation.scenario import InertialGlove, Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import IDEAL
 from handscope.estimators.simulation.trunk import TrunkGlove
 
@@ -24,7 +24,7 @@ def made() -> Simulated:
         hand,
         np.random.default_rng(2),
         IDEAL,
-        ("hand",),
+        glove=InertialGlove(segments=("hand",)),
         on_trunk=TrunkGlove(),
     )
 

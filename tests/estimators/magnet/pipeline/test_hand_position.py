@@ -20,7 +20,7 @@ from handscope.estimators.simulation import magnet as sim
 from handscope.estimators.simulation.magnet import MagnetErrors, Motion
 from handscope.estimators.simulation.magnetic_field import DIP, EARTH, MagneticField, homogeneous
 from handscope.estimators.simulation.movements import task_performance
-from handscope.estimators.simulation.scenario import simulate_performances
+from handscope.estimators.simulation.scenario import InertialGlove, simulate_performances
 from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.estimators.simulation.trunk import TrunkGlove
 
@@ -126,7 +126,7 @@ def test_a_reach_that_does_not_turn_the_hand_is_as_sure_as_it_says() -> None:
             hand,
             np.random.default_rng(seed),
             SensorErrors(),
-            segments=("hand",),
+            glove=InertialGlove(segments=("hand",)),
             on_trunk=TrunkGlove(),
         )
         assert made.plate is not None and made.truth.place is not None
