@@ -84,6 +84,7 @@ function draw(root, api, about) {
   const done = result?.state === "done";
   const place = (kind = "card") => h("section", { class: kind });
   const numbers = [
+    [quality, place()],
     [headlines, place("stack")],
     [ranges, place("stack")],
     [changes, place("stack")],
@@ -96,7 +97,7 @@ function draw(root, api, about) {
   const closed = session.recordings.some((recording) => recording.sha256);
   const main = [...hollow, ...(done ? numbers : [[progress, place()]]), ...tasks, ...(closed ? kept : [])];
   const typed = treats ? [notes, dating, closed && trunkHeight.worn(session) && trunkHeight] : [];
-  const read = done ? [quality, goals, references] : [];
+  const read = done ? [goals, references] : [];
   const aside = [...read, closed && selfCalibration, ...typed].filter(Boolean).map((part) => [part, place()]);
   const [head, choice] = [done ? [[downloads, place("")]] : [], [[results, place("")]]];
   const [name, lead] = [h("h1", {}), h("p", { class: "soft" })];

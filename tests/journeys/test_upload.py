@@ -11,7 +11,16 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.journeys.house import api, figure, held_back, keep_picture, scene_drawn, shown, simulate
+from tests.journeys.house import (
+    api,
+    figure,
+    held_back,
+    keep_picture,
+    keep_screen,
+    scene_drawn,
+    shown,
+    simulate,
+)
 
 pytestmark = pytest.mark.browser
 HERE = "parseFloat(document.querySelector('.cursor')?.dataset.t)"
@@ -159,9 +168,12 @@ def test_figures_that_cannot_be_trusted_say_why_and_what_to_do(
     )
     shown(card)
     keep_picture(page, f"doubted-{task}")
+    page.locator(".results").evaluate("element => element.scrollIntoView()")
+    keep_screen(page, f"trust-{task}")
     expect(card).to_contain_text(beside)
     trusted = page.locator(".card").filter(
         has=page.get_by_role("heading", name="Can I trust these numbers?")
     )
+    expect(page.locator(".results h2").first).to_have_text("Can I trust these numbers?")
     expect(trusted).to_contain_text(trust)
     expect(trusted).not_to_contain_text("Yes.")
