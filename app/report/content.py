@@ -45,6 +45,7 @@ class Visit:
     recorded_as: datetime | None = None  # what the clock said, where the date was corrected
     date_reason: str = ""
     examiner: str = ""
+    protocol: Mapping[str, Any] = field(default_factory=dict)  # title and version, {}: none
     dominant: Hand | None = None
     affected: Literal["left", "right", "both"] | None = None
     notes: str = ""

@@ -54,6 +54,7 @@ def words_of(content: Content, language: Language) -> Page:
         "words": {key.replace(".", "_"): say(key) for key in HEADINGS},
         "title": say("report.of", patient=named),
         "facts": _facts(content, language),
+        "protocol": _protocol(content, language),
         "tag": say("notice.short"),
         "notice": say("notice"),
         "summary": summary(content, language),
@@ -154,6 +155,15 @@ def _facts(content: Content, language: Language) -> list[list[str]]:
             say("firmware", version=source["firmware"]) if source.get("firmware") else "",
         ],
     ]
+
+
+def _protocol(content: Content, language: Language) -> str:
+    """The protocol that led the session, by its title and version; "" where none did."""
+    protocol = content.visit.protocol
+    if not protocol.get("title"):
+        return ""
+    title = language.translate(protocol["title"])
+    return language.say("fact.protocol", title=title, version=protocol["version"])
 
 
 def _hour(content: Content, language: Language) -> str:

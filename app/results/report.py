@@ -62,6 +62,7 @@ def report(store: Store, result: Result, number: int | None = None) -> Content:
         recorded_as=session.recorded_as,
         date_reason=session.date_reason,
         examiner=session.examiner,
+        protocol=session.plan,
         dominant=records.hand_of(patient.dominant_hand) if patient.dominant_hand else None,
         affected=cast(Affected, patient.affected_hand),
         notes=session.notes,

@@ -47,8 +47,10 @@ def test_what_is_measured_follows_the_story(store: Store) -> None:
         assert first.started < other.started < last.started
         bends = [values(s.recordings[0].results[0].figures)[PIP][0] for s in (first, last, other)]
         assert bends[0] < 0.65 * bends[2] < 0.8 * bends[1]  # shares of the fist: 0.5, 0.92, 1
+        first.plan = {"name": "stroke", "title": "Stroke", "version": 2}
         reports = [report(store, s.recordings[0].results[0]) for s in (first, other, last)]
         assert [r.same_visit for r in reports] == [False, True, False]
+        assert [r.visit.protocol for r in reports] == [first.plan, {}, {}]
         assert {s.examiner for s in (first, last)} == {sessions.EXAMINER}
         assert "nobody was measured" in patient.notes[0].text
         assert [g.figure for g in patient.goals] == ["index_pip_flexion_max"]

@@ -11,6 +11,7 @@ import pytest
 from pypdf import PdfReader
 
 from handscope.app.language import ENGLISH, Language, languages
+from handscope.app.protocols.plans import built_in, named
 from handscope.app.report import FORMS, Style
 from handscope.app.report.content import Content, GoalReading
 from handscope.app.report.html import html
@@ -318,6 +319,17 @@ def test_both_hands_of_a_visit_stand_side_by_side_on_the_first_page() -> None:
     assert "2.50 per s" in html(together, ENGLISH).decode()
     apart = html(replace(together, same_visit=False), ENGLISH).decode()
     assert "Both hands" not in apart
+
+
+def test_the_facts_name_the_protocol_and_its_version() -> None:
+    plan = named(built_in()["flexor_tendon_repair"])
+    led = report(visit=replace(VISIT, protocol={**plan, "version": 3}))
+    first = " ".join(PdfReader(BytesIO(pdf(led, ENGLISH))).pages[0].extract_text().split())
+    assert "Protocol: Flexor tendon repair, version 3" in first
+    title = GERMAN.translate(plan["title"])
+    assert title != plan["title"]
+    assert f"Protokoll: {title}, Version 3" in html(led, GERMAN).decode()
+    assert "Protocol:" not in html(report(), ENGLISH).decode()
 
 
 def test_options_that_were_changed_and_facts_that_are_unknown_are_said() -> None:
