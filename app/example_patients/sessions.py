@@ -25,7 +25,7 @@ from handscope.sessions.db.tables import Patient, PatientSession, RecordingFile,
 from handscope.sessions.store import records
 from handscope.sessions.store.store import Store, store_at
 
-EXAMINER = "simulated"
+EXAMINER = "SIM"  # initials, as of anybody; the patients' codes begin with them
 OTHER_HAND_AFTER = timedelta(minutes=12)
 NICE = 19  # whoever measures meanwhile comes first
 

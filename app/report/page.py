@@ -30,6 +30,7 @@ from handscope.app.report.sections.trend_section import trend_section
 from handscope.app.report.summary import outcome_words, summary
 from handscope.app.report.tables import data_checksum
 from handscope.app.report.units import DEG, places_of, unit_words, with_unit
+from handscope.app.report.words import device_words
 from handscope.estimators.data.calibration import SensorQuality
 from handscope.estimators.data.samples import FORCE
 
@@ -151,7 +152,7 @@ def _facts(content: Content, language: Language) -> list[list[str]]:
         [say("fact.examiner"), visit.examiner or say("not_given"), ""],
         [
             say("fact.glove"),
-            str(source.get("device") or say("not_recorded")),
+            _device(content, language) or say("not_recorded"),
             say("firmware", version=source["firmware"]) if source.get("firmware") else "",
         ],
     ]
@@ -164,6 +165,10 @@ def _protocol(content: Content, language: Language) -> str:
         return ""
     title = language.translate(protocol["title"])
     return language.say("fact.protocol", title=title, version=protocol["version"])
+
+
+def _device(content: Content, language: Language) -> str:
+    return device_words(str(content.recording.source.get("device") or ""), language)
 
 
 def _hour(content: Content, language: Language) -> str:
@@ -312,12 +317,9 @@ def _lost(streams: Sequence[StreamFacts], language: Language) -> str:
 
 def _provenance(content: Content, language: Language) -> list[list[str]]:
     recording, method, say = content.recording, content.method, language.say
+    source = {**recording.source, "device": _device(content, language)}
     known = ("device", "device_id", "firmware", "format")
-    device = [
-        say(f"source.{key}", value=recording.source[key])
-        for key in known
-        if recording.source.get(key)
-    ]
+    device = [say(f"source.{key}", value=source[key]) for key in known if source.get(key)]
     changed = [
         say(
             "option.changed",

@@ -82,6 +82,11 @@ def side_words(side: str, language: Language) -> str:
     return language.say(f"side.{side}") if side else ""
 
 
+def device_words(name: str, language: Language) -> str:
+    """What recorded: a product's name as it is, what only plays a glove in words."""
+    return language.known(f"device.{name.replace(' ', '_')}", name)
+
+
 def span_words(tasks: Sequence[Task], language: Language) -> str:
     """The tasks' names and when they were: "Finger tapping, 75 to 90 and 92 to 107 s of the recording"."""
     names = list(dict.fromkeys(language.translate(t.title) for t in tasks))

@@ -2,7 +2,7 @@
 import { h } from "../dom.js";
 import { errorBox } from "../forms.js";
 import { isCharge } from "../station/glove.js";
-import { stripWords } from "../words/clinical.js";
+import { deviceWords, stripWords } from "../words/clinical.js";
 import { counted, dayAndTime, decimal, t, whole } from "../words/words.js";
 
 const AGAIN = 5000; // ms between two looks
@@ -70,7 +70,7 @@ function worn(glove) {
   return h(
     "section",
     { class: "card", "data-glove": glove.device_id || glove.name },
-    h("h3", {}, glove.name || t("devices.unnamed")),
+    h("h3", {}, glove.name ? deviceWords(glove.name) : t("devices.unnamed")),
     facts([
       ["devices.number", glove.device_id],
       ["devices.firmware", glove.firmware],

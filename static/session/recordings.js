@@ -1,6 +1,6 @@
 /** Where the numbers come from: the recording, its checksum, device, rates and losses. */
 import { h } from "../dom.js";
-import { stripWords } from "../words/clinical.js";
+import { deviceWords, stripWords } from "../words/clinical.js";
 import { dayAndTime, t, whole } from "../words/words.js";
 
 export function mount(root, api, { session, result }) {
@@ -25,7 +25,11 @@ function one(recording, result) {
     ["recording.added", dayAndTime(recording.added)],
     [
       "recording.device",
-      [source.device, source.device_id, source.firmware && t("recording.firmware", { version: source.firmware })]
+      [
+        source.device && deviceWords(source.device),
+        source.device_id,
+        source.firmware && t("recording.firmware", { version: source.firmware }),
+      ]
         .filter(Boolean)
         .join(", "),
     ],

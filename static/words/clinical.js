@@ -21,6 +21,11 @@ export function stripWords(name) {
   return known(`strip.${ALIASES[name] ?? name}`, name);
 }
 
+/** What recorded: a product's name as it is, what only plays a glove in words. */
+export function deviceWords(name) {
+  return known(`device.${name.replaceAll(" ", "_")}`, name);
+}
+
 /** A segment with a sensor: "index_distal" is "index finger". */
 export function partWords(segment) {
   return t(`part.${segment.split("_")[0]}`);

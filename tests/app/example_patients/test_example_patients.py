@@ -14,7 +14,9 @@ from handscope.app.commands import demo
 from handscope.app.example_patients import patients, sessions
 from handscope.app.example_patients.recordings import PERFORMED
 from handscope.app.example_patients.stories import STORIES, Ability, between
+from handscope.app.language import languages
 from handscope.app.protocols import load_all
+from handscope.app.report.page import words_of
 from handscope.app.results.report import report
 from handscope.sessions.clinic import pseudonyms
 from handscope.sessions.clinic.repeatability import values
@@ -52,6 +54,11 @@ def test_what_is_measured_follows_the_story(store: Store) -> None:
         assert [r.same_visit for r in reports] == [False, True, False]
         assert [r.visit.protocol for r in reports] == [first.plan, {}, {}]
         assert {s.examiner for s in (first, last)} == {sessions.EXAMINER}
+        facts = {
+            code: words_of(reports[0], language)["facts"] for code, language in languages().items()
+        }
+        assert ["Glove", "simulated glove", ""] in facts["en"]
+        assert ["Handschuh", "simulierter Handschuh", ""] in facts["de"]
         assert "nobody was measured" in patient.notes[0].text
         assert [g.figure for g in patient.goals] == ["index_pip_flexion_max"]
         assert {e.kind for e in patient.treatment_events} == {"splint", "operation"}
