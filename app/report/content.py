@@ -25,6 +25,7 @@ from handscope.estimators.methods import ALL_METHODS
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import Processed
 from handscope.sessions.clinic.references import Course
+from handscope.sessions.clinic.repeatability import Values
 from handscope.sessions.files.recording import LoadedRecording
 
 ATTEMPTED = (
@@ -190,6 +191,16 @@ class LeftOut:
 
 
 @dataclass(frozen=True)
+class LaterHand:
+    """The other hand, measured after this one in the same visit: as its result stands when the report is made, in SI units. Nothing is compared with it."""
+
+    started: datetime
+    result: int
+    made: datetime  # when the result was computed
+    values: Values
+
+
+@dataclass(frozen=True)
 class ComparedWith:
     """What the figures are compared with, as it was chosen and stored with the result (sessions/clinic/references.py)."""
 
@@ -230,6 +241,7 @@ class Content:
     compared: ComparedWith | None = None
     goals: tuple[GoalReading, ...] = ()
     same_visit: bool = False  # the other hand of `course` was measured in the same visit
+    later_hand: LaterHand | None = None  # where `course` cannot hold it: it was chosen before
 
     @property
     def edition(self) -> Edition:

@@ -6,7 +6,7 @@ from typing import Literal, cast
 from sqlalchemy.orm import object_session
 
 from handscope.app.report.changes import Changes, changes, read_as
-from handscope.app.report.content import ComparedWith, Content, GoalReading, Visit
+from handscope.app.report.content import ComparedWith, Content, GoalReading, LaterHand, Visit
 from handscope.app.report.references import edition_of, newest
 from handscope.app.results.make import load_report
 from handscope.sessions.clinic import references
@@ -79,6 +79,7 @@ def report(store: Store, result: Result, number: int | None = None) -> Content:
         compared=found.compared,
         goals=goal_readings(result),
         same_visit=_is_same_visit(session, found.stored),
+        later_hand=_later_hand(result),
     )
 
 
@@ -88,6 +89,19 @@ def _is_same_visit(session: PatientSession, stored: References) -> bool:
     if db is None or stored.other is None:
         return False
     return stored.other.session in {s.id for s in records.same_visit(db, session)}
+
+
+def _later_hand(result: Result) -> LaterHand | None:
+    """The other hand that was measured after this one in the same visit, by its result that counts now; what the result is compared with stays as it was chosen."""
+    db, session = object_session(result), result.recording.session
+    assert db is not None
+    later = {s.id for s in records.same_visit(db, session) if s.continues_id == session.id}
+    found = [c for c in references.candidates(db, result) if c.session in later] if later else []
+    if not found:
+        return None
+    newest_of = found[-1]
+    made = db.get_one(Result, newest_of.result).created
+    return LaterHand(newest_of.started, newest_of.result, made, newest_of.values)
 
 
 def goal_readings(result: Result) -> tuple[GoalReading, ...]:

@@ -1,5 +1,6 @@
 """Both hands of one visit side by side: the figures that a clinician decides by, a table a task."""
 
+from datetime import datetime
 from typing import Any
 
 from handscope.app.language import Language
@@ -15,10 +16,10 @@ SHARE_OF = 1e-9  # SI: a figure of the other hand below it has no share
 
 def both_hands_section(content: Content, language: Language) -> dict[str, Any] | None:
     """As the layout places tables; None where the other hand was not measured in the same visit."""
-    course = content.course
-    if not content.same_visit or course is None or course.other is None:
+    course, found = content.course, _other_hand(content, language)
+    if course is None or found is None:
         return None
-    own, other = course.visits[-1].values, course.other.values
+    own, (other, summary) = course.visits[-1].values, found
     shared = sorted((k for k in own.keys() & other.keys() if rank(k)), key=lambda k: (rank(k), k))
     if not shared:
         return None
@@ -27,11 +28,7 @@ def both_hands_section(content: Content, language: Language) -> dict[str, Any] |
     hands = [content.hand, "right" if content.hand == "left" else "left"]
     return {
         "title": language.say("both.title"),
-        "summary": language.say(
-            "both.summary",
-            day=language.day(course.other.started),
-            hour=language.hour(course.other.started),
-        ),
+        "summary": summary,
         "words": [],
         "parts": [
             {
@@ -46,6 +43,25 @@ def both_hands_section(content: Content, language: Language) -> dict[str, Any] |
             for task in tasks
         ],
     }
+
+
+def _other_hand(content: Content, language: Language) -> tuple[Values, str] | None:
+    """The other hand's figures of the same visit, and in words when it was measured; None where it was not."""
+    course, later = content.course, content.later_hand
+    if content.same_visit and course is not None and course.other is not None:
+        other = course.other
+        return other.values, language.say("both.summary", **_moment(other.started, language))
+    if later is None:
+        return None
+    computed = {f"made_{key}": words for key, words in _moment(later.made, language).items()}
+    moment = _moment(later.started, language)
+    return later.values, language.say(
+        "both.summary.later", result=later.result, **moment, **computed
+    )
+
+
+def _moment(moment: datetime, language: Language) -> dict[str, str]:
+    return {"day": language.day(moment), "hour": language.hour(moment)}
 
 
 def _row(key: Key, own: Values, other: Values, language: Language) -> list[str]:

@@ -53,6 +53,15 @@ def test_what_is_measured_follows_the_story(store: Store) -> None:
         reports = [report(store, s.recordings[0].results[0]) for s in (first, other, last)]
         assert [r.same_visit for r in reports] == [False, True, False]
         assert [r.visit.protocol for r in reports] == [first.plan, {}, {}]
+        kept = reports[0].course
+        assert kept is not None and kept.other is None, "what it is compared with stays"
+        assert [r.later_hand is not None for r in reports] == [True, False, False]
+        both = [words_of(r, languages()["en"])["both_hands"] for r in reports]
+        assert [b is not None for b in both] == [True, True, False]
+        assert "after this one in the same visit" in both[0]["summary"]
+        assert f"result {other.recordings[0].results[0].id}, computed on" in both[0]["summary"]
+        (rows, mirrored) = (b["parts"][0]["rows"] for b in both[:2])
+        assert [r[:3] for r in rows] == [[name, own, theirs] for name, theirs, own, _ in mirrored]
         assert {s.examiner for s in (first, last)} == {sessions.EXAMINER}
         facts = {
             code: words_of(reports[0], language)["facts"] for code, language in languages().items()
