@@ -1,4 +1,4 @@
-"""Every word a person reads, in every language that has a file beside this: en.json, de.json; one more file, one more language.
+"""Every word a person reads, in every language that has a file beside this: en.json, de.json, fr.json; one more file, one more language.
 
 pages      the pages' own words by key, served to the browser as a module (app/api/languages.py)
 counts     of pages and words have a key a plural form of the CLDR: sessions.one, sessions.few, sessions.other; English has one and other

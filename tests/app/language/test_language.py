@@ -15,6 +15,7 @@ from handscope.app.report.words import figure_words
 from handscope.estimators.data.trajectory import FLAG_WORDS
 from handscope.estimators.errors import InputError
 from handscope.estimators.measures import MEASURES
+from handscope.estimators.messages import english_texts
 from handscope.estimators.messages.sentence import codes_of, phrase
 from handscope.estimators.methods import METHODS
 from handscope.sessions.clinic.audit import BY_ITSELF, KINDS
@@ -22,7 +23,7 @@ from handscope.sessions.db.conflicts import ConflictError
 from handscope.sessions.db.full_disk import FULL
 from handscope.sessions.db.tables import Account, Base, Correction, Note, Patient, PatientSession
 
-GERMAN = languages()["de"]
+GERMAN, FRENCH = languages()["de"], languages()["fr"]
 OTHERS = [one for one in languages().values() if one is not ENGLISH]
 MOMENT = datetime(2026, 11, 5, 7, 3, tzinfo=UTC)
 
@@ -39,6 +40,42 @@ def test_every_word_of_the_server_is_in_every_language_with_the_same_gaps(other:
     assert {k: sorted(NAME.findall(w)) for k, w in words.items() if k in ENGLISH.words} == {
         k: sorted(NAME.findall(w)) for k, w in ENGLISH.words.items()
     }
+
+
+@pytest.mark.parametrize("one", languages().values(), ids=code)
+def test_a_counted_word_has_every_plural_form_that_counts_below_a_million_take(
+    one: Language,
+) -> None:
+    """Of a million French says `many`, for "1 million de séances"; in digits that is `other`, which stands in."""
+    forms = {one.locale.plural_form(count) for count in range(1000)}
+    own = json.loads(
+        files("handscope.app.language").joinpath(f"{one.code}.json").read_text("utf-8")
+    )
+    for part, english in (("pages", ENGLISH.pages), ("words", ENGLISH.words)):
+        counted = {key.removesuffix(".one") for key in english if key.endswith(".one")}
+        assert {f"{key}.{form}" for key in counted for form in forms} - own[part].keys() == set()
+    for message, text in own.get("messages", {}).items():
+        if not isinstance(english_texts()[message], str):
+            assert isinstance(text, str) or forms <= text.keys(), message
+
+
+def test_colons_semicolons_and_joints_are_set_as_the_language_has_them() -> None:
+    assert (ENGLISH.labelled("a", "b"), FRENCH.labelled("a", "b")) == ("a: b", "a\u00a0: b")
+    assert (GERMAN.several("ab"), FRENCH.several("ab")) == ("a; b", "a\u00a0; b")
+    assert (ENGLISH.joint("pip"), FRENCH.joint("pip"), FRENCH.joint("mcp")) == ("PIP", "IPP", "MCP")
+
+
+def test_french_punctuation_has_its_no_break_spaces() -> None:
+    own = json.loads(files("handscope.app.language").joinpath("fr.json").read_text("utf-8"))
+    words = [*own["pages"].values(), *own["words"].values()]
+    for text in own["messages"].values():
+        words += [text] if isinstance(text, str) else text.values()
+    assert [text for text in words if re.search(r" [:;?!%»](?=[\s.,)]|$)|«(?!\u00a0)", text)] == []
+
+
+def test_none_is_singular_in_french() -> None:
+    said = [FRENCH.counted("trust.figures", count) for count in (0, 1, 2)]
+    assert said == ["0 valeur", "1 valeur", "2 valeurs"]
 
 
 def test_a_sentence_written_elsewhere_is_recognised_with_what_differs_in_it() -> None:
@@ -81,6 +118,7 @@ def test_numbers_and_days_have_the_locales_form() -> None:
     assert (ENGLISH.number(1234.567, 2), GERMAN.number(1234.567, 2)) == ("1,234.57", "1.234,57")
     assert (ENGLISH.number(-0.001, 1), GERMAN.number(2.5)) == ("0.0", "2")
     assert (ENGLISH.day(MOMENT), GERMAN.day(MOMENT)) == ("5 November 2026", "5. November 2026")
+    assert (FRENCH.number(1234.567, 2), FRENCH.day(MOMENT)) == ("1\u202f234,57", "5 novembre 2026")
     assert GERMAN.hour(MOMENT) == "07:03 UTC"
     assert GERMAN.all_of(["a", "b", "c"]) == "a, b und c"
 
@@ -91,7 +129,8 @@ def test_numbers_and_days_have_the_locales_form() -> None:
         ("", "en"),
         ("de", "de"),
         ("de-AT,de;q=0.9,en;q=0.8", "de"),
-        ("fr,en;q=0.5,de;q=0.7", "de"),
+        ("it,en;q=0.5,de;q=0.7", "de"),
+        ("fr-CA,en;q=0.5", "fr"),
         ("tlh", "en"),
         ("de;q=x,,;", "en"),
         ("en-US,de", "en"),
@@ -105,7 +144,7 @@ def test_the_browsers_preferred_language_is_taken_where_there_is_one(
 
 def test_a_language_that_there_is_not_is_said() -> None:
     with pytest.raises(
-        InputError, match=re.escape("there is no language 'xx'; languages are en, de")
+        InputError, match=re.escape("there is no language 'xx'; languages are en, de, fr")
     ):
         language("xx")
 

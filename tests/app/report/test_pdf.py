@@ -38,7 +38,7 @@ NASTY = (
 )
 
 
-GERMAN = languages()["de"]
+GERMAN, FRENCH = languages()["de"], languages()["fr"]
 MORNING = datetime(2026, 5, 12, 9, 30, tzinfo=UTC)
 TAG, NOTICE = ENGLISH.say("notice.short"), ENGLISH.say("notice")
 
@@ -74,6 +74,27 @@ def test_a_normal_session_is_three_pages_of_the_paper_asked_for(paper: str, size
     assert made.startswith(b"%PDF-1.7")
     assert pages(made) == 3
     assert re.search(rb"/MediaBox\[0 0 " + size + rb"\]", made)
+
+
+def test_a_french_report_has_the_same_pages_its_own_words_and_no_character_that_the_fonts_lack() -> (
+    None
+):
+    made = pdf_(report(), FRENCH)
+    text = printed(made)
+    assert pages(made) == 3
+    assert "[U+" not in text
+    for words in (
+        "Bilan de la main",
+        "21 novembre 2026",
+        "Tapotement des doigts : 2,50 tapotements par s",
+        "Auriculaire",
+        "posture initiale, 1,5 à 4,5 s, 17 capteurs",
+        "Amplitudes articulaires",
+        "Index IPP",
+        "Pouce : flexion active totale (TAF)",
+    ):
+        assert words in text
+    assert "Range of motion" not in text and " PIP" not in text
 
 
 def test_three_trials_of_tapping_still_are_three_pages() -> None:

@@ -1,4 +1,4 @@
-"""The progress report: important figures on the first page with goals and treatment, every figure after; a PDF in both languages."""
+"""The progress report: important figures on the first page with goals and treatment, every figure after; a PDF in every language."""
 
 from datetime import date
 
@@ -27,7 +27,7 @@ def _history() -> Progress:
     return found
 
 
-@pytest.mark.parametrize("code", ["en", "de"])
+@pytest.mark.parametrize("code", languages())
 def test_the_first_page_shows_what_moved_with_goal_and_treatment(code: str) -> None:
     page = progress_page(_history(), "left", PATIENT, languages()[code])
     assert page is not None
