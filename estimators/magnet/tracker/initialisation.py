@@ -20,7 +20,7 @@ from handscope.estimators.magnet.tracker.options import (
     MagnetParams,
     noise_model,
 )
-from handscope.estimators.magnet.tracker.state import ERROR, OWN, STATE
+from handscope.estimators.magnet.tracker.state import ERROR, OWN, STATE, rows
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation.fusion import make_upright
@@ -66,41 +66,47 @@ def initial_state(
     q_gt = make_upright(
         quat.IDENTITY if setup.q_bt is None else quat.multiply(q_gb, setup.q_bt), sample[9:12]
     )
-    turn, lost = 0.0, setup.q_bt is None
-    if setup.q_bt is None and near is not None:
-        m_g, seen = quat.rotate(q_gt, setup.magnet.moment), quat.rotate(q_gb, near[1])
-        lost = (
-            min(np.hypot(*m_g[:2]), np.hypot(*seen[:2])) < MIN_LEVEL_SHARE * setup.magnet.size
-        )  # a vertical moment has no heading
-        turn = 0.0 if lost else np.arctan2(seen[1], seen[0]) - np.arctan2(m_g[1], m_g[0])
+    turn, lost = _hand_heading(setup, q_gb, q_gt, near)
     q_bt = quat.multiply(quat.conjugate(q_gb), quat.turn_heading(q_gt, turn))
     p = workspace_centre(setup) if near is None else near[0] - quat.rotate(q_bt, setup.magnet.place)
     x = np.concatenate(
         [p, np.zeros(3), q_bt, level, np.zeros(6), q_gb, np.zeros(9), declared_values(setup)]
     )
+    return x, initial_covariance(params, setup, sample, near is None, lost)
+
+
+def _hand_heading(
+    setup: Setup, q_gb: Array, q_gt: Array, near: tuple[Array, Array, Array] | None
+) -> tuple[float, bool]:
+    """By how much the hand's heading must be turned, rad, and whether nothing tells it."""
+    if setup.q_bt is not None or near is None:
+        return 0.0, setup.q_bt is None
+    m_g, seen = quat.rotate(q_gt, setup.magnet.moment), quat.rotate(q_gb, near[1])
+    if min(np.hypot(*m_g[:2]), np.hypot(*seen[:2])) < MIN_LEVEL_SHARE * setup.magnet.size:
+        return 0.0, True  # a vertical moment has no heading
+    return float(np.arctan2(seen[1], seen[0]) - np.arctan2(m_g[1], m_g[0])), False
+
+
+def initial_covariance(
+    params: MagnetParams, setup: Setup, sample: Array, far: bool, lost: bool
+) -> Array:
+    """At the first sample; `far`: the magnet's position is unknown, `lost`: the hand's heading."""
     incl, head = params.inclination_sd * DEG, params.heading_sd * DEG
     up_b, up_t = (v / np.linalg.norm(v) for v in (sample[3:6], sample[9:12]))
     P = np.diag(np.concatenate([np.zeros(OWN), declared_sds(params, setup) ** 2]))
-    P[ERROR.p_bt : ERROR.p_bt + 3, ERROR.p_bt : ERROR.p_bt + 3] = np.eye(3) * (
-        params.reach**2 / 3 if near is None else 0.05**2
-    )
-    P[ERROR.v_bt : ERROR.v_bt + 3, ERROR.v_bt : ERROR.v_bt + 3] = P[
-        ERROR.v_b : ERROR.v_b + 3, ERROR.v_b : ERROR.v_b + 3
-    ] = np.eye(3) * 0.1**2
-    P[ERROR.th_bt : ERROR.th_bt + 3, ERROR.th_bt : ERROR.th_bt + 3] = (
-        np.eye(3) * incl**2 + np.outer(up_t, up_t) * (2 * head if lost else head) ** 2
-    )
-    field = np.array(
-        [PINNED_SD, *(2 * [0.1 * setup.earth if setup.dip is None else ROOM_VARIATION])]
-    )
-    P[range(ERROR.B_g, ERROR.B_g + 3), range(ERROR.B_g, ERROR.B_g + 3)] = field**2
-    biases = np.repeat([params.gyr_bias_sd * DEG, params.acc_bias_sd], 3) ** 2
+    p, th, thg = rows(ERROR.p_bt), rows(ERROR.th_bt), rows(ERROR.th_gb)
+    P[p, p] = np.eye(3) * (params.reach**2 / 3 if far else 0.05**2)
+    for v in (rows(ERROR.v_bt), rows(ERROR.v_b)):
+        P[v, v] = np.eye(3) * 0.1**2
+    P[th, th] = np.eye(3) * incl**2 + np.outer(up_t, up_t) * (2 * head if lost else head) ** 2
+    P[thg, thg] = np.eye(3) * incl**2 + np.outer(up_b, up_b) * (2 * head if far else head) ** 2
+    room_sd = 0.1 * setup.earth if setup.dip is None else ROOM_VARIATION
+    B = rows(ERROR.B_g)
+    P[B, B] = np.diag(np.array([PINNED_SD, room_sd, room_sd]) ** 2)
+    biases = np.diag(np.repeat([params.gyr_bias_sd * DEG, params.acc_bias_sd], 3) ** 2)
     for first in (ERROR.gyr_bias_t, ERROR.gyr_bias_b):  # the accelerometer's follow
-        P[range(first, first + 6), range(first, first + 6)] = biases
-    P[ERROR.th_gb : ERROR.th_gb + 3, ERROR.th_gb : ERROR.th_gb + 3] = (
-        np.eye(3) * incl**2 + np.outer(up_b, up_b) * (2 * head if near is None else head) ** 2
-    )
-    return x, P
+        P[rows(first, 6), rows(first, 6)] = biases
+    return P
 
 
 def declared_values(setup: Setup) -> Array:
@@ -185,10 +191,10 @@ def workspace_centre(setup: Setup) -> Array:
 
 def magnet_in_base(x: Array) -> tuple[Array, Array, Array]:
     """Position and moment of a state's magnet and the field without it, base frame."""
-    q_bt = x[STATE.q_bt : STATE.q_bt + 4]
-    B_b = quat.rotate(quat.conjugate(x[STATE.q_gb : STATE.q_gb + 4]), x[STATE.B_g : STATE.B_g + 3])
+    q_bt = x[rows(STATE.q_bt, 4)]
+    B_b = quat.rotate(quat.conjugate(x[rows(STATE.q_gb, 4)]), x[rows(STATE.B_g)])
     return (
-        x[STATE.p_bt : STATE.p_bt + 3] + quat.rotate(q_bt, x[STATE.lever : STATE.lever + 3]),
-        quat.rotate(q_bt, x[STATE.moment : STATE.moment + 3]),
+        x[rows(STATE.p_bt)] + quat.rotate(q_bt, x[rows(STATE.lever)]),
+        quat.rotate(q_bt, x[rows(STATE.moment)]),
         B_b,
     )

@@ -169,7 +169,7 @@ def candidate_positions(s: NoiseModel, x: Array, P: Array, mag: Array, centre: A
     """Errors (8, errors), zero but for the position: the best fit to the readings in each octant of
     the workspace."""
     best, lowest, where = np.zeros((8, len(P))), np.full(8, math.inf), np.zeros(3)
-    terms, work = grid_terms(s, x, P, len(mag)), np.empty((2, 3))
+    terms, work = grid_terms(s, x, P, len(mag)), np.empty((3, 3))
     for a in range(GRID):
         where[0] = centre[0] + s.reach * grid_coordinate(a)
         for b in range(GRID):
@@ -187,15 +187,18 @@ def candidate_positions(s: NoiseModel, x: Array, P: Array, mag: Array, centre: A
 
 @inlined
 def grid_point_cost(terms: GridTerms, where: Array, mag: Array, work: Array) -> float:
-    """Normalised innovation squared of a position, with the logarithm of its variance; work (2, 3)
+    """Normalised innovation squared of a position, with the logarithm of its variance; work (3, 3)
     is filled."""
-    cost, weight, weighted, innovation = 0.0, 0.0, work[0], work[1]
+    cost, weight, weighted, innovation, r = 0.0, 0.0, work[0], work[1], work[2]
     for i in range(3):
         weighted[i] = 0.0
     for k in range(len(mag)):
         if math.isnan(mag[k, 0] + mag[k, 1] + mag[k, 2]):
             continue
-        field_square = grid_innovation(terms, where, k, mag, innovation)
+        for i in range(3):
+            r[i] = where[i] + terms.arm[i] - terms.places[3 * k + i]
+            innovation[i] = mag[k, i] - terms.B_b[i]
+        field_square = subtract_dipole(terms.moment, r, innovation)
         variance = (
             terms.variance + (terms.tilt + 0.25) * field_square
         )  # half the field: between grid points
@@ -211,17 +214,15 @@ def grid_point_cost(terms: GridTerms, where: Array, mag: Array, work: Array) -> 
 
 
 @inlined
-def grid_innovation(terms: GridTerms, where: Array, k: int, mag: Array, innovation: Array) -> float:
-    """Fill the innovation of magnetometer k with the hand at a position; returns the square of the
-    magnet's field there, T^2."""
-    m, square, along, field_square = terms.moment, 1e-4, 0.0, 0.0
+def subtract_dipole(m: Array, r: Array, reading: Array) -> float:
+    """Subtract the field of a moment m (3,) at r (3,) from a reading, in place; returns the square
+    of that field, T^2."""
+    square, along, field_square = 1e-4, 0.0, 0.0
     for i in range(3):
-        r = where[i] + terms.arm[i] - terms.places[3 * k + i]
-        square += r * r
-        along += r * m[i]
+        square += r[i] * r[i]
+        along += r[i] * m[i]
     for i in range(3):
-        r = where[i] + terms.arm[i] - terms.places[3 * k + i]
-        own = MU0_4PI * (3 * along * r - square * m[i]) / square**2.5
+        own = MU0_4PI * (3 * along * r[i] - square * m[i]) / square**2.5
         field_square += own * own
-        innovation[i] = mag[k, i] - terms.B_b[i] - own
+        reading[i] -= own
     return field_square

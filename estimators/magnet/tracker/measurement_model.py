@@ -93,7 +93,10 @@ def predict_reading(x: Array, at: CommonTerms, k: int, H: Array) -> Array:
     """Predicted reading of magnetometer k, base axes (3,); fills its Jacobian H (3, errors).
     (5.7)-(5.15), (5.24)"""
     residual, place = STATE.residuals + 3 * k, STATE.residuals + 3 * (magnetometers(x) + k)
-    J, D = dipole_derivatives(x, at, x[place : place + 3])
+    r = np.empty(3)
+    for i in range(3):
+        r[i] = x[STATE.p_bt + i] + at.arm[i] - x[place + i]
+    J, D = dipole_derivatives(r, at.moment)
     clear(H)
     block(1.0, D, 0, ERROR.p_bt, H)
     slopes, room = room_field(x, at, x[place : place + 3], H)
@@ -112,12 +115,9 @@ def predict_reading(x: Array, at: CommonTerms, k: int, H: Array) -> Array:
 
 
 @inlined
-def dipole_derivatives(x: Array, at: CommonTerms, place: Array) -> tuple[Array, Array]:
-    """Of the magnet's field at a magnetometer, by moment and by position (3, 3), (3, 3), base
-    axes. (5.7)"""
-    m, r = at.moment, np.empty(3)
-    for i in range(3):
-        r[i] = x[STATE.p_bt + i] + at.arm[i] - place[i]
+def dipole_derivatives(r: Array, m: Array) -> tuple[Array, Array]:
+    """Of the field of a moment m (3,) at r (3,) from the magnetometer, by moment and by position
+    (3, 3), (3, 3). (5.7)"""
     square = max(
         r[0] * r[0] + r[1] * r[1] + r[2] * r[2], 1e-4
     )  # nearer than a centimetre is inside the housing

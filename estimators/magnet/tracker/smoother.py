@@ -16,7 +16,7 @@ import numpy as np
 from handscope.estimators.magnet.tracker.history import Trace, make_trace, split_covariance
 from handscope.estimators.magnet.tracker.initialisation import declared_values
 from handscope.estimators.magnet.tracker.options import MagnetParams
-from handscope.estimators.magnet.tracker.state import ERROR, OWN, STATE, inject_error
+from handscope.estimators.magnet.tracker.state import ERROR, OWN, STATE, inject_error, rows
 from handscope.estimators.magnet.tracker.tracker import (
     Readings,
     State,
@@ -78,15 +78,15 @@ def _smooth_chunk(end: State, track: Track, trace: Trace, later: Trace) -> Track
         )  # inflated as the filter's
     return replace(
         track,
-        p_bt=x[:, STATE.p_bt : STATE.p_bt + 3],
-        v_bt=x[:, STATE.v_bt : STATE.v_bt + 3],
-        q_bt=x[:, STATE.q_bt : STATE.q_bt + 4],
-        q_gb=x[:, STATE.q_gb : STATE.q_gb + 4],
-        field=x[:, STATE.B_g : STATE.B_g + 3],
-        p_sd=sd[:, ERROR.p_bt : ERROR.p_bt + 3],
-        v_sd=sd[:, ERROR.v_bt : ERROR.v_bt + 3],
-        q_bt_sd=sd[:, ERROR.th_bt : ERROR.th_bt + 3],
-        q_gb_sd=sd[:, ERROR.th_gb : ERROR.th_gb + 3],
+        p_bt=x[:, rows(STATE.p_bt)],
+        v_bt=x[:, rows(STATE.v_bt)],
+        q_bt=x[:, rows(STATE.q_bt, 4)],
+        q_gb=x[:, rows(STATE.q_gb, 4)],
+        field=x[:, rows(STATE.B_g)],
+        p_sd=sd[:, rows(ERROR.p_bt)],
+        v_sd=sd[:, rows(ERROR.v_bt)],
+        q_bt_sd=sd[:, rows(ERROR.th_bt)],
+        q_gb_sd=sd[:, rows(ERROR.th_gb)],
     )
 
 

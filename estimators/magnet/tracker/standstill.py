@@ -38,22 +38,16 @@ def detect_standstill(
     still = np.zeros((len(samples), 2), bool)
     if len(window_rows) >= length and len(samples):
         first = max(len(window_rows) - len(samples) - length + 1, 0)
-        windows = np.lib.stride_tricks.sliding_window_view(
-            window_rows[first:, :12], length, axis=0
-        ).transpose(0, 2, 1)
-        for k in range(2):
-            ratio = likelihood_ratios(
-                windows[:, :, 6 * k : 6 * k + 3],
-                windows[:, :, 6 * k + 3 : 6 * k + 6],
-                gyr_sd,
-                acc_sd,
-            )
+        for k, inertial in enumerate(np.split(window_rows[first:, :12], 2, axis=1)):
+            windows = np.lib.stride_tricks.sliding_window_view(inertial, length, axis=0)
+            gyr, acc = np.split(windows.transpose(0, 2, 1), 2, axis=2)
+            ratio = likelihood_ratios(gyr, acc, gyr_sd, acc_sd)
             still[len(samples) - len(ratio) :, k] = ratio < 1.0
     if len(window_rows) >= SLIDE and len(samples):
-        slides = detect_field_change(
-            window_rows[:, 12:].reshape(len(window_rows), mag.shape[1], 3), SLIDE, noise
-        )[-len(samples) :]
-        still[len(samples) - len(slides) :, 1] &= ~(slides & still[len(samples) - len(slides) :, 0])
+        fields = window_rows[:, 12:].reshape(len(window_rows), mag.shape[1], 3)
+        slides = detect_field_change(fields, SLIDE, noise)[-len(samples) :]
+        known = still[len(samples) - len(slides) :]
+        known[:, 1] &= ~(slides & known[:, 0])
     return window_rows[-(max(length, SLIDE) - 1) :], still
 
 

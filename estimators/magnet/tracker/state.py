@@ -78,6 +78,11 @@ LATENCY = -1  # row of the state, s; the error's, too
 GRADIENT_TIME = 600.0  # s, correlation time of the ambient gradients of a seated person
 
 
+def rows(first: int, count: int = 3) -> slice:
+    """Rows of a part that begins there."""
+    return slice(first, first + count)
+
+
 class NoiseModel(NamedTuple):
     """Spectral densities, standard deviations and limits in SI."""
 

@@ -40,7 +40,7 @@ from handscope.estimators.magnet.tracker.latency import (
 )
 from handscope.estimators.magnet.tracker.monitor import LOST_SD, InnovationMonitor
 from handscope.estimators.magnet.tracker.options import DEG, MagnetParams, noise_model
-from handscope.estimators.magnet.tracker.state import ERROR, LATENCY, OWN, STATE
+from handscope.estimators.magnet.tracker.state import ERROR, LATENCY, OWN, STATE, rows
 from handscope.estimators.magnet.tracker.update_cycle import (
     FilterInputs,
     FilterOutputs,
@@ -137,20 +137,7 @@ def step(
     The first readings measure the magnetometers' noise; where it exceeds the declared one,
     estimates made of them are discarded. Fills a trace of as many rows for smoother.py.
     """
-    n, many = len(readings.t), len(state.setup.array)
-    if (
-        readings.mag.shape != (n, many, 3)
-        or readings.base.shape != (n, 6)
-        or readings.target.shape != (n, 6)
-    ):
-        raise InputError(
-            "magnet.shapes_differ",
-            shape=str(readings.mag.shape),
-            shape2=str(readings.base.shape),
-            shape3=str(readings.target.shape),
-            n=n,
-            many=many,
-        )
+    _check_shapes(state, readings)
     if state.noise_samples is None:
         return _advance(params, state, readings, trace)
     fresh = np.flatnonzero((np.abs(readings.mag) < 0.999e-6 * params.mag_range).all(axis=(1, 2)))
@@ -171,6 +158,24 @@ def step(
     if begun_anew and trace is not None and cut < len(trace.gain):  # no smoothing across a restart
         trace.gain[cut], trace.open[cut] = 0.0, trace.own[cut - 1]
     return state, join_tracks([early, late])
+
+
+def _check_shapes(state: State, readings: Readings) -> None:
+    """InputError where the readings are not of one length, or not of the setup's magnetometers."""
+    n, many = len(readings.t), len(state.setup.array)
+    if (
+        readings.mag.shape != (n, many, 3)
+        or readings.base.shape != (n, 6)
+        or readings.target.shape != (n, 6)
+    ):
+        raise InputError(
+            "magnet.shapes_differ",
+            shape=str(readings.mag.shape),
+            shape2=str(readings.base.shape),
+            shape3=str(readings.target.shape),
+            n=n,
+            many=many,
+        )
 
 
 def _apply_noise(params: MagnetParams, state: State, noise_samples: Array) -> State:
@@ -194,10 +199,7 @@ def _apply_noise(params: MagnetParams, state: State, noise_samples: Array) -> St
 
 
 def _is_lost(state: State) -> bool:
-    return (
-        float(np.trace(state.covariance[ERROR.p_bt : ERROR.p_bt + 3, ERROR.p_bt : ERROR.p_bt + 3]))
-        > LOST_SD**2
-    )
+    return float(np.trace(state.covariance[rows(ERROR.p_bt), rows(ERROR.p_bt)])) > LOST_SD**2
 
 
 def _restart(params: MagnetParams, state: State, noise_samples: Array, noise: float) -> State:
@@ -237,95 +239,117 @@ def _estimate_noise(mag: Array) -> float:
     return float(np.quantile(np.abs(np.diff(mag, n=3, axis=0)), 0.75) / QUARTILE / np.sqrt(20.0))
 
 
+@dataclass(frozen=True)
+class _Usable:
+    """Readings, NaN where a sensor was at its limit or did not answer."""
+
+    t: Array  # (n,) s
+    samples: Array  # (n, 12)
+    mag: Array  # (n, magnetometers, 3) T
+    mag_b: Array  # (n, magnetometers, 3) T, base axes
+    age: Array  # (n, magnetometers) s
+    saturated: Bools  # (n, magnetometers)
+
+
 def _advance(
     params: MagnetParams, state: State, readings: Readings, trace: Trace | None
 ) -> tuple[State, Track]:
     """Samples over which the magnetometers' noise is constant."""
     params = replace(params, mag_noise=max(params.mag_noise, state.noise))
-    array, n, samples = (
-        state.setup.array,
-        len(readings.t),
-        np.concatenate([readings.base, readings.target], axis=1),
-    )
-    limits = np.tile(np.repeat([params.gyr_range * DEG, params.acc_range * GRAVITY], 3), 2)
-    samples = np.where(np.abs(samples) < 0.999 * limits, samples, np.nan)
-    with np.errstate(invalid="ignore"):
-        saturated = np.asarray((np.abs(readings.mag) >= 0.999e-6 * params.mag_range).any(axis=2))
-    mag = np.where(saturated[..., None], np.nan, readings.mag)
-    mag_b = quat.rotate(array.q_bl, mag) if n else mag
-    first, x, P = 0, state.x, state.covariance
-    if x is None:
-        whole = np.isfinite(samples).all(axis=1) & np.isfinite(mag).all(axis=(1, 2))
-        if not whole.any():
-            return replace(state, t=float(readings.t[-1]) if n else state.t), _unknown_track(
-                state, readings, 0, n, saturated
-            )
-        first = int(whole.argmax())
-        x, P = magnet_initialisation.initial_state(
-            params, state.setup, samples[first], readings.mag[first], mag_b[first]
-        )
-        state = replace(state, t=float(readings.t[first]), newest=samples[first])
-    window, still = magnet_standstill.detect_standstill(
+    usable = _usable_readings(params, state.setup.array, readings)
+    first, state = _initialise(params, state, usable)
+    unknown = _unknown_track(state, readings, 0, first, usable.saturated)
+    if state.x is None:
+        return state, unknown
+    usable = _Usable(*(getattr(usable, f.name)[first:] for f in fields(_Usable)))
+    recent, still = magnet_standstill.detect_standstill(
         state.recent,
-        samples[first:],
-        mag[first:],
+        usable.samples,
+        usable.mag,
         params.still_samples,
         params.still_gyr * DEG,
         params.still_acc,
         1e-6 * params.mag_noise,
     )
-    rows, setup = n - first, state.setup
-    begin = FilterState(
-        x.copy(), P.copy(), state.newest.copy(), copy_kinematics(state.kinematics), state.monitor
+    state, outputs = _filter(params, state, usable, still, slice_trace(trace, slice(first, None)))
+    track = _to_track(params, state.setup, usable, still, outputs)
+    contradicted, track = _extend_doubt(params, state.contradicted, track)
+    state = replace(state, recent=recent, contradicted=contradicted)
+    return state, join_tracks([unknown, track]) if first else track
+
+
+def _usable_readings(params: MagnetParams, array: Constellation, readings: Readings) -> _Usable:
+    samples = np.concatenate([readings.base, readings.target], axis=1)
+    limits = np.tile(np.repeat([params.gyr_range * DEG, params.acc_range * GRAVITY], 3), 2)
+    with np.errstate(invalid="ignore"):
+        saturated = np.asarray((np.abs(readings.mag) >= 0.999e-6 * params.mag_range).any(axis=2))
+    mag = np.where(saturated[..., None], np.nan, readings.mag)
+    return _Usable(
+        readings.t,
+        np.where(np.abs(samples) < 0.999 * limits, samples, np.nan),
+        mag,
+        quat.rotate(array.q_bl, mag) if len(mag) else mag,
+        np.zeros(mag.shape[:2]) if readings.age is None else readings.age,
+        saturated,
     )
-    inputs = FilterInputs(
-        np.diff(readings.t[first:], prepend=state.t),
-        np.ascontiguousarray(samples[first:]),
-        np.ascontiguousarray(mag_b[first:]),
-        np.ascontiguousarray(_reading_ages(readings)[first:]),
-        still,
+
+
+def _initialise(params: MagnetParams, state: State, usable: _Usable) -> tuple[int, State]:
+    """First row to filter, and the state with which the filter starts there, if it has none yet and
+    a complete sample comes."""
+    n = len(usable.t)
+    if state.x is not None:
+        return 0, state
+    whole = np.isfinite(usable.samples).all(axis=1) & np.isfinite(usable.mag).all(axis=(1, 2))
+    if not whole.any():
+        return n, replace(state, t=float(usable.t[-1]) if n else state.t)
+    first = int(whole.argmax())
+    sample, t = usable.samples[first], float(usable.t[first])
+    x, P = magnet_initialisation.initial_state(
+        params, state.setup, sample, usable.mag[first], usable.mag_b[first]
     )
+    return first, replace(state, x=x, covariance=P, newest=sample, t=t)
+
+
+def _filter(
+    params: MagnetParams, state: State, usable: _Usable, still: Bools, trace: Trace | None
+) -> tuple[State, FilterOutputs]:
+    """The state after the compiled loop over all readings."""
+    assert state.x is not None
+    n, setup, kinematics = len(usable.t), state.setup, copy_kinematics(state.kinematics)
     outputs = FilterOutputs(
-        np.empty((rows, len(x))),
-        np.empty((rows, len(P))),
-        np.empty(rows),
-        slice_trace(trace, slice(first, None)) or make_trace(0, len(x)),
+        np.empty((n, len(state.x))),
+        np.empty((n, len(state.covariance))),
+        np.empty(n),
+        trace or make_trace(0, len(state.x)),
     )
     end = run_filter(
-        noise_model(params, magnet_initialisation.array_span(array)),
+        noise_model(params, magnet_initialisation.array_span(setup.array)),
         magnet_initialisation.workspace_centre(setup),
-        begin,
-        inputs,
+        FilterState(
+            state.x.copy(), state.covariance.copy(), state.newest.copy(), kinematics, state.monitor
+        ),
+        FilterInputs(
+            np.diff(usable.t, prepend=state.t),
+            np.ascontiguousarray(usable.samples),
+            np.ascontiguousarray(usable.mag_b),
+            np.ascontiguousarray(usable.age),
+            still,
+        ),
         outputs,
     )
-    t = float(readings.t[-1]) if n else state.t
-    track = _to_track(
-        params,
-        setup,
-        readings,
-        first,
-        outputs,
-        saturated,
-        still,
-        mag,
-    )
-    now = readings.t[first:]
-    known = np.concatenate([[state.contradicted], np.where(track.doubtful[first:], now, -np.inf)])
-    contradicted = np.maximum.accumulate(known)
-    doubtful = np.concatenate(
-        [track.doubtful[:first], now - contradicted[1:] <= params.doubtful_time]
-    )
-    state = replace(
-        state,
-        x=end.x,
-        covariance=end.P,
-        monitor=end.monitor,
-        newest=end.newest,
-        kinematics=end.kinematics,
-        recent=window,
-        t=t,
-    )
-    return replace(state, contradicted=float(contradicted[-1])), replace(track, doubtful=doubtful)
+    state = replace(state, x=end.x, covariance=end.P, newest=end.newest, monitor=end.monitor)
+    t = float(usable.t[-1]) if n else state.t
+    return replace(state, kinematics=end.kinematics, t=t), outputs
+
+
+def _extend_doubt(params: MagnetParams, contradicted: float, track: Track) -> tuple[float, Track]:
+    """The newest time at which readings contradicted the setup, and the track with all that follows
+    such a time doubtful for a while."""
+    times = np.concatenate([[contradicted], np.where(track.doubtful, track.t, -np.inf)])
+    newest = np.maximum.accumulate(times)
+    doubtful = track.t - newest[1:] <= params.doubtful_time
+    return float(newest[-1]), replace(track, doubtful=doubtful)
 
 
 def finish(params: MagnetParams, state: State) -> tuple[State, Track]:
@@ -351,7 +375,7 @@ def estimated_setup(state: State) -> Setup:
         return state.setup
     x, places = state.x, STATE.residuals + state.setup.array.places.size
     array = Constellation(x[places:LATENCY].reshape(-1, 3).copy(), state.setup.array.q_bl)
-    moment, lever = x[STATE.moment : STATE.moment + 3], x[STATE.lever : STATE.lever + 3]
+    moment, lever = x[rows(STATE.moment)], x[rows(STATE.lever)]
     return replace(state.setup, array=array, magnet=Magnet(moment.copy(), lever.copy()))
 
 
@@ -375,51 +399,48 @@ def deviation_p_value(deviations: Array, remaining: Array) -> Array:
 
 
 def _to_track(
-    params: MagnetParams,
-    setup: Setup,
-    readings: Readings,
-    first: int,
-    outputs: FilterOutputs,
-    saturated: Bools,
-    still: Bools,
-    mag: Array,
+    params: MagnetParams, setup: Setup, usable: _Usable, still: Bools, outputs: FilterOutputs
 ) -> Track:
-    x, mean_nis = outputs.x, outputs.mean_nis
-    sd, field = np.sqrt(np.maximum(outputs.variance, 0.0)), x[:, STATE.B_g : STATE.B_g + 3]
+    """States and standard deviations, larger where declared values had to be moved far."""
+    x, sd = outputs.x, np.sqrt(np.maximum(outputs.variance, 0.0))
     sds = magnet_initialisation.declared_sds(params, setup)
     deviations = np.abs(x[:, STATE.moment :] - magnet_initialisation.declared_values(setup)) / sds
     p_value = deviation_p_value(deviations[:, :-1], sd[:, OWN:-1] / sds[:-1])
-    largest = deviations[:, :-1].max(axis=1)  # largest deviation from a declared value
-    sd = sd * np.maximum(1.0, largest / ORDINARY_SD)[:, None]
-    strange = (
-        np.abs(np.linalg.norm(field, axis=1) / setup.earth - 1.0) > 0.2
-    )  # iron or a magnet that the filter takes for the ambient field
-    rest = Track(
-        readings.t[first:],
-        x[:, STATE.p_bt : STATE.p_bt + 3],
-        x[:, STATE.v_bt : STATE.v_bt + 3],
-        x[:, STATE.q_bt : STATE.q_bt + 4],
-        x[:, STATE.q_gb : STATE.q_gb + 4],
-        field,
-        sd[:, ERROR.p_bt : ERROR.p_bt + 3],
-        sd[:, ERROR.v_bt : ERROR.v_bt + 3],
-        sd[:, ERROR.th_bt : ERROR.th_bt + 3],
-        sd[:, ERROR.th_gb : ERROR.th_gb + 3],
-        signal_strength(mag[first:], setup.earth),
-        x[:, -1],
-        sd[:, -1],
-        mean_nis,
-        saturated[first:],
-        still,
-        (mean_nis > params.nis_limit)
-        | strange
+    sd = sd * np.maximum(1.0, deviations[:, :-1].max(axis=1) / ORDINARY_SD)[:, None]
+    return Track(
+        t=usable.t,
+        p_bt=x[:, rows(STATE.p_bt)],
+        v_bt=x[:, rows(STATE.v_bt)],
+        q_bt=x[:, rows(STATE.q_bt, 4)],
+        q_gb=x[:, rows(STATE.q_gb, 4)],
+        field=x[:, rows(STATE.B_g)],
+        p_sd=sd[:, rows(ERROR.p_bt)],
+        v_sd=sd[:, rows(ERROR.v_bt)],
+        q_bt_sd=sd[:, rows(ERROR.th_bt)],
+        q_gb_sd=sd[:, rows(ERROR.th_gb)],
+        snr=signal_strength(usable.mag, setup.earth),
+        latency=x[:, LATENCY],
+        latency_sd=sd[:, LATENCY],
+        nis=outputs.mean_nis,
+        saturated=usable.saturated,
+        still=still,
+        doubtful=_doubtful(params, setup, outputs, deviations, p_value),
+    )
+
+
+def _doubtful(
+    params: MagnetParams, setup: Setup, outputs: FilterOutputs, deviations: Array, p_value: Array
+) -> Bools:
+    """Whether readings contradict the setup or the room (n,)."""
+    strength = np.linalg.norm(outputs.x[:, rows(STATE.B_g)], axis=1)
+    is_strange = np.abs(strength / setup.earth - 1.0) > 0.2  # iron or a magnet taken for the field
+    return np.asarray(
+        (outputs.mean_nis > params.nis_limit)
+        | is_strange
         | (deviations.max(axis=1) > params.deviation_limit)
         | (p_value < params.min_p_value)
-        | (len(setup.array) < 2),
+        | (len(setup.array) < 2)
     )
-    if not first:
-        return rest
-    return join_tracks([_unknown_track(start(setup), readings, 0, first, saturated), rest])
 
 
 def join_tracks(pieces: Sequence[Track]) -> Track:
@@ -433,10 +454,6 @@ def select_readings(readings: Readings, rows: slice) -> Readings:
     return Readings(
         readings.t[rows], readings.base[rows], readings.target[rows], readings.mag[rows], age
     )
-
-
-def _reading_ages(readings: Readings) -> Array:
-    return np.zeros(readings.mag.shape[:2]) if readings.age is None else readings.age
 
 
 def _unknown_track(

@@ -381,7 +381,7 @@ def follow_kinematics(
     smooth_velocity(kinematics, x, P, v, dt)
     for k in range(len(age)):
         kinematics.age[k] = age[k]
-    out: Kinematics = with_latency_mode(kinematics, latency_mode(kinematics, P, is_lost(P)))
+    out: Kinematics = with_latency_mode(kinematics, latency_mode(kinematics.motion, P, is_lost(P)))
     return out
 
 

@@ -13,6 +13,7 @@ from handscope.estimators.magnet.tracker.inertial_updates import (
 )
 from handscope.estimators.magnet.tracker.latency import (
     ESTIMATED,
+    MOTION,
     VELOCITY_MEMORY,
     Kinematics,
     copy_kinematics,
@@ -87,9 +88,8 @@ def _state() -> Array:
 def _moving(magnetometers: int) -> Kinematics:
     """Rates, their changes, and forces of ten times the size."""
     kinematics = start_kinematics(magnetometers)._replace(latency_mode=ESTIMATED)
-    for a in kinematics[:7]:
-        a[:] = RNG.normal(size=3)
-    kinematics.f_b[:], kinematics.f_t[:] = 10 * kinematics.f_b, 10 * kinematics.f_t
+    kinematics.motion[:] = RNG.normal(size=kinematics.motion.shape)
+    kinematics.motion[[MOTION.f_b, MOTION.f_t]] *= 10
     return kinematics
 
 
@@ -130,7 +130,7 @@ def test_slopes_of_a_magnetometer_are_differences() -> None:
         _moving(2),
     )
     x[-1], kinematics.age[:] = 0.062, [0.0, 0.008]
-    kinematics.v_bt[:] = x[3:6]
+    kinematics.motion[MOTION.v_bt] = x[3:6]
     _predict_reading(x, kinematics, 1, H)
     assert np.linalg.norm(H[:, mf.ERROR.moment : mf.ERROR.moment + 3]) > 1e-6
     biases = [
@@ -295,7 +295,7 @@ def test_a_movement_without_errors_is_followed_by_the_time_update_alone(name: st
     kinematics, x[-1] = start_kinematics(2), 0.1
     for i in range(-240, 0):
         _predict(kinematics, samples[i], 1 / 240 if i > -240 else 0.0)
-    then, k = _delayed(x, kinematics), -1 - 24
+    then, k = _delayed(x, kinematics.motion), -1 - 24
     assert np.linalg.norm(then[0:3] - m.p_bt[k]) < 6e-3
     assert (
         np.degrees(quat.angle(quat.relative(then[mf.STATE.q_bt : mf.STATE.q_bt + 4], m.q_bt[k])))
@@ -321,13 +321,16 @@ def test_the_velocity_that_slopes_take_turns_with_the_trunk_and_is_not_that_of_a
     None
 ):
     x, kinematics, v, dt = _state(), start_kinematics(2), RNG.normal(size=3), 1 / 60
-    x[mf.STATE.gyr_bias_b : mf.STATE.gyr_bias_b + 3], kinematics.w_b[:] = 0.0, [0.0, 0.0, 3.0]
-    deviation = kinematics.v_bt - v
+    x[mf.STATE.gyr_bias_b : mf.STATE.gyr_bias_b + 3], kinematics.motion[MOTION.w_b] = (
+        0.0,
+        [0.0, 0.0, 3.0],
+    )
+    deviation = kinematics.motion[MOTION.v_bt] - v
     for known, share in ((0.04, np.exp(-dt / VELOCITY_MEMORY)), (0.2, 0.0)):
         smoothed = copy_kinematics(kinematics)
         _smooth_velocity(smoothed, x, np.eye(55) * known**2, v, dt)
         np.testing.assert_allclose(
-            smoothed.v_bt - x[3:6],
+            smoothed.motion[MOTION.v_bt] - x[3:6],
             share * quat.rotate(quat.about(2, -3.0 * dt), deviation),
             atol=1e-12,
         )
