@@ -32,6 +32,12 @@ COUNTDOWN_BELOW_BANNER = """() => {
 }"""
 
 
+COUNT_BELOW_SWITCH = """() => {
+  const [count, sound] = [".metronome .count", ".cues .sound"].map((part) => document.querySelector(part).getBoundingClientRect());
+  return !count.height || !sound.height || count.top >= sound.bottom;
+}"""
+
+
 def test_from_a_new_patient_to_a_report(page: Page, server: Server, tmp_path: Path) -> None:
     page.get_by_role("button", name="New patient").click()
     keep_picture(page, "patients-new")
@@ -90,6 +96,7 @@ def _perform(page: Page, task: str, name: str) -> None:
     shown(page.locator(".countdown .digits"))
     assert page.evaluate(COUNTDOWN_BELOW_BANNER)
     shown(page.get_by_text("Seconds left"))
+    assert page.evaluate(COUNT_BELOW_SWITCH)
     _turn_the_view(page)
     shown(page.locator(".numbers dd"))
     keep_picture(page, f"station-{task}")
