@@ -61,10 +61,12 @@ class Film:
 
 @contextmanager
 def demo(data: Path) -> Iterator[str]:
-    """The address that lets into a demonstration server."""
-    words = ["-m", "handscope.app.cli", "demo", "--no-browser", "--port", "0", "--data", str(data)]
+    """The address that lets into a demonstration server; the simulated patients are not made beside it, which would take the film a core."""
+    words = ["demo", "--no-browser", "--no-examples", "--port", "0", "--data", str(data)]
     with subprocess.Popen(
-        [sys.executable, "-P", *words], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-P", "-m", "handscope.app.cli", *words],
+        stdout=subprocess.PIPE,
+        text=True,
     ) as process:
         assert process.stdout is not None
         line = next(line for line in process.stdout if "/login?token=" in line)
