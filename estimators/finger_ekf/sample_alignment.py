@@ -10,8 +10,10 @@ Limits  accelerations of a stream with other instants are interpolated over two 
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.samples import ACC, GYR, MAG, SATURATION, Block, Stream, exceeds_row
@@ -21,8 +23,7 @@ from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
 from handscope.estimators.hand.forward_kinematics import CHAIN_SEGMENTS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
-from handscope.estimators.numerics.jit import inlined, rowwise
-from handscope.estimators.numerics.small_matrices import put
+from handscope.estimators.numerics.jit import inlined, looped, rowwise
 from handscope.estimators.numerics.typing import Array, Bools, Indices
 from handscope.estimators.orientation.fusion import LOST_VARIANCE
 from handscope.estimators.orientation.resampling import Rows
@@ -32,8 +33,6 @@ MISSING, UNSURE = int(Flag.MISSING), int(Flag.MISSING | Flag.SATURATED)
 _WRIST = [SEGMENT[s] for s in ("forearm", "hand", "hand", "hand")]
 # (6, 4) segments of each chain's sensors
 SENSORS = np.vstack([np.column_stack([np.full(5, SEGMENT["hand"]), CHAIN_SEGMENTS]), _WRIST])
-_SENSORS: Array = SENSORS.astype(float)  # as a kernel takes them
-_UNKNOWN: Array = np.full((len(SEGMENTS), 3), np.nan)
 # (6, 3) 1 for joints: the wrist's chain has one
 _JOINTS = np.array([[1.0] * 3] * 5 + [[1.0, 0.0, 0.0]])
 
@@ -60,6 +59,54 @@ class Waiting:
     gyr: Array  # (n, worn, 3) rad/s
     acc: Array  # (n, worn, 3) m/s^2
     mag: Array | None = None  # (n, worn, 3) uT, where it is asked for
+
+
+class StreamReadings(NamedTuple):
+    """Samples that wait, as a kernel takes them."""
+
+    t: Array  # (m,) s
+    gyr: Array  # (m, worn, 3) rad/s
+    acc: Array  # (m, worn, 3) m/s^2
+    segments: Indices  # (worn,)
+    period: float  # s
+
+
+class SegmentReadings(NamedTuple):
+    """A segment's own readings at n rows; NaN where it has none."""
+
+    rate: Array  # (n, segments, 3) rad/s
+    acc: Array  # (n, segments, 3) m/s^2
+
+
+class FusedRows(NamedTuple):
+    """Fused orientations at n rows and at the rows before them."""
+
+    q_before: Array  # (n, segments, 4)
+    variance_before: Array  # (n, segments) rad^2
+    q_GB: Array  # (n, segments, 4)
+    variance: Array  # (n, segments) rad^2
+    flags: Array  # (n, segments)
+    added_variance: Array  # (n, segments) rad^2, of sensors that appear or are noisier
+    silent_variance: float  # rad^2/s, of what is silent and goes on turning
+
+
+class SensorTurns(NamedTuple):
+    """What the sensors did since the row before."""
+
+    turn: Array  # (segments, 3) rad
+    bias_time: Array  # (segments,) s of the gyroscope's bias that is in it
+    variance: Array  # (segments,) rad^2
+
+
+class ChainRows(NamedTuple):
+    """Of n rows and F chains, as finger_ekf.Samples has them, to be filled."""
+
+    turn: Array  # (n, F, 4, 3)
+    bias_time: Array  # (n, F, 4)
+    force: Array  # (n, F, 4, 3)
+    rotation_variance: Array  # (n, F, 4)
+    known: Array  # (n, F, 3) 1 where both segments are measured
+    q_first: Array  # (n, F, 3, 4)
 
 
 @dataclass(frozen=True)
@@ -130,46 +177,31 @@ def align_samples(
         if state.q_GB is None or state.rotation_variance is None
         else (state.q_GB, state.rotation_variance)
     )
-    before = (
-        np.concatenate([q_first[None], q_GB[:-1]]),
-        np.concatenate([variance_first[None], rows.rotation_variance[:-1]]),
-    )
+    q_before = np.concatenate([q_first[None], q_GB[:-1]])
+    variance_before = np.concatenate([variance_first[None], rows.rotation_variance[:-1]])
     times = np.concatenate([[state.t if math.isfinite(state.t) else rows.t[0]], rows.t])
     dt = times[1:] - times[:-1]
-    rate = acc = _UNKNOWN
+    readings = SegmentReadings(*np.full((2, len(rows.t), len(SEGMENTS), 3), np.nan))
     for w in state.waiting.values():
         if len(w.t):
-            rate, acc = _place_readings(
-                w.t,
-                w.gyr,
-                w.acc,
-                w.worn.segments,
-                w.period,
-                float(instant),
-                float(fused),
-                rows.t,
-                dt,
-                rate,
-                acc,
+            arrived = StreamReadings(
+                _for_kernel(w.t), _for_kernel(w.gyr), _for_kernel(w.acc), w.worn.segments, w.period
             )
+            place_readings(arrived, _for_kernel(rows.t), dt, instant, fused, readings)
     unposed, appears = _appearing_sensors(state.unposed, q_GB)
-    numbers, more = (
-        (float(fused), LOST_VARIANCE / max(max_gap, 0.01)),
-        appears + state.noisy * dt[:, None],
+    more = appears + state.noisy * dt[:, None]
+    orientations = FusedRows(
+        _for_kernel(q_before),
+        _for_kernel(variance_before),
+        _for_kernel(q_GB),
+        _for_kernel(rows.rotation_variance),
+        _for_kernel(rows.flags),
+        _for_kernel(more),
+        LOST_VARIANCE / max(max_gap, 0.01),
     )
-    turn, bias_time, force, grown, known, q_first = _chain_samples(
-        _SENSORS,
-        _JOINTS,
-        *numbers,
-        dt,
-        *before,
-        q_GB,
-        rows.rotation_variance,
-        rows.flags,
-        more,
-        rate,
-        acc,
-    )
+    chains = _empty_chains(len(rows.t))
+    fill_chains(SENSORS, _JOINTS, dt, orientations, readings, fused, chains)
+    turn, bias_time, force, grown, known, q_first = chains
     t = float(rows.t[-1])
     pruned = {name: _prune(w, t) for name, w in state.waiting.items()}
     if state.q_GB is None and rows.t[0] <= state.pose_end:
@@ -296,95 +328,121 @@ def _up_row(q_GB: Array, up: Array) -> None:
     up[0], up[1], up[2] = 2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z
 
 
-@rowwise(
-    "(c,k),(c,j),(),(),(),(s,q),(s),(s,q),(s),(s),(s),(s,v),(s,v)->(c,k,v),(c,k),(c,k,v),(c,k),(c,j),(c,j,q)"
-)
-def _chain_samples(
-    sensors: Array, joints: Array, fused: float, silent: float, dt: float,
-    q_before: Array, variance_before: Array, q_GB: Array, rotation_variance: Array, flags: Array, appears: Array, rate: Array, acc: Array,
-    turn: Array, bias_time: Array, force: Array, grown: Array, known: Array, q_first: Array,
-) -> None:  # fmt: skip
-    """What every sensor of every chain turned by: by its own rates where it has them, else by its
-    fusion's orientations, which bridge what is missing.
+def _for_kernel(a: NDArray[Any]) -> Array:
+    """As kernels are translated for: float64, C-contiguous."""
+    return np.ascontiguousarray(a, np.float64)
 
-    The fusion counts a gap once; what is silent goes on turning: by the variance `silent` a second.
-    """
-    by, step, w = np.empty((q_GB.shape[0], 3)), np.empty(4), np.empty(3)
-    timed, more = np.zeros(q_GB.shape[0]), np.empty(q_GB.shape[0])
-    for s in range(q_GB.shape[0]):
-        present = math.isfinite(q_GB[s, 0])
-        more[s] = max(rotation_variance[s] - variance_before[s], 0.0)
-        if math.isfinite(rate[s, 0] + rate[s, 1] + rate[s, 2]):
-            timed[s] = dt
+
+def _empty_chains(n: int) -> ChainRows:
+    chains, sensors = SENSORS.shape
+    turn, force = np.empty((2, n, chains, sensors, 3))
+    bias_time, variance = np.empty((2, n, chains, sensors))
+    known, q_first = np.empty((n, *_JOINTS.shape)), np.empty((n, *_JOINTS.shape, 4))
+    return ChainRows(turn, bias_time, force, variance, known, q_first)
+
+
+@inlined
+def sensor_turns(
+    n: int, dt: float, orientations: FusedRows, readings: SegmentReadings, turns: SensorTurns
+) -> None:
+    """Fill what every sensor turned by: by its own rates where it has them, else by its fusion's
+    orientations, which bridge what is missing. The fusion counts a gap once; what is silent goes on
+    turning."""
+    step, w = np.empty(4), np.empty(3)
+    for s in range(len(turns.turn)):
+        by, rate, q_GB = turns.turn[s], readings.rate[n, s], orientations.q_GB[n, s]
+        more = max(orientations.variance[n, s] - orientations.variance_before[n, s], 0.0)
+        turns.bias_time[s] = 0.0
+        if math.isfinite(rate[0] + rate[1] + rate[2]):
+            turns.bias_time[s] = dt
             for a in range(3):
-                by[s, a] = rate[s, a] * dt
+                by[a] = rate[a] * dt
         else:
-            quat.relative_row(q_before[s], q_GB[s], step)
+            quat.relative_row(orientations.q_before[n, s], q_GB, step)
             quat.log_row(step, w, w)
             for a in range(3):
-                by[s, a] = w[a] if math.isfinite(w[a]) else 0.0
-        if (
-            present
-            and int(flags[s]) & MISSING
-            and by[s, 0] == 0
-            and by[s, 1] == 0
-            and by[s, 2] == 0
-        ):
-            more[s] += silent * dt
-        more[s] += appears[s]
-    for c in range(sensors.shape[0]):
-        for k in range(sensors.shape[1]):
-            s = int(sensors[c, k])
-            bias_time[c, k], grown[c, k] = timed[s], more[s]
-            unsure = int(flags[s]) & UNSURE
-            _up_row(q_GB[s], w)
+                by[a] = w[a] if math.isfinite(w[a]) else 0.0
+        is_silent = by[0] == 0 and by[1] == 0 and by[2] == 0
+        if math.isfinite(q_GB[0]) and int(orientations.flags[n, s]) & MISSING and is_silent:
+            more += orientations.silent_variance * dt
+        turns.variance[s] = more + orientations.added_variance[n, s]
+
+
+@looped
+def fill_chains(
+    sensors: Indices,
+    joints: Array,
+    dt: Array,
+    orientations: FusedRows,
+    readings: SegmentReadings,
+    fused: bool,
+    chains: ChainRows,
+) -> None:
+    """Fill what the sensors (F, 4) and joints (F, 3) of every chain did since the row before;
+    `fused`: the vertical is that of the orientations."""
+    segments = orientations.q_GB.shape[1]
+    turns = SensorTurns(np.empty((segments, 3)), np.empty(segments), np.empty(segments))
+    up = np.empty(3)
+    for n in range(len(dt)):
+        q_GB = orientations.q_GB[n]
+        sensor_turns(n, dt[n], orientations, readings, turns)
+        for c in range(sensors.shape[0]):
+            for k in range(sensors.shape[1]):
+                s = sensors[c, k]
+                chains.bias_time[n, c, k] = turns.bias_time[s]
+                chains.rotation_variance[n, c, k] = turns.variance[s]
+                unsure = int(orientations.flags[n, s]) & UNSURE
+                _up_row(q_GB[s], up)
+                for a in range(3):
+                    vertical = GRAVITY * up[a] if fused else readings.acc[n, s, a]
+                    chains.turn[n, c, k, a] = turns.turn[s, a]
+                    chains.force[n, c, k, a] = math.nan if unsure else vertical
+            for j in range(joints.shape[1]):
+                p, s = sensors[c, j], sensors[c, j + 1]
+                is_known = math.isfinite(q_GB[p, 0]) and math.isfinite(q_GB[s, 0])
+                chains.known[n, c, j] = joints[c, j] if is_known else 0.0
+                if chains.known[n, c, j] > 0:
+                    quat.relative_row(q_GB[p], q_GB[s], chains.q_first[n, c, j])
+                else:
+                    for a in range(4):
+                        chains.q_first[n, c, j, a] = 1.0 if a == 0 else 0.0
+
+
+@looped
+def place_readings(
+    stream: StreamReadings,
+    t: Array,
+    dt: Array,
+    instant: bool,
+    fused: bool,
+    readings: SegmentReadings,
+) -> None:
+    """Fill a stream's own rates where it has a sample at the row and the one before, and its
+    specific forces where they are asked for."""
+    known_t, gyr, acc, period, own = stream.t, stream.gyr, stream.acc, stream.period, np.empty(3)
+    for n in range(len(t)):
+        after = min(np.searchsorted(known_t, t[n]), known_t.shape[0] - 1)
+        before = max(after - 1, 0)
+        at, span = known_t[after], known_t[after] - known_t[before]
+        is_regular = abs(dt[n] - period) < 0.25 * period and abs(span - period) < 0.25 * period
+        inside = known_t[before] <= t[n] and t[n] <= at and span > 0 and span < 1.5 * period
+        weight = (t[n] - known_t[before]) / (span if inside else 1.0)
+        for w in range(stream.segments.shape[0]):
+            s = stream.segments[w]
             for a in range(3):
-                turn[c, k, a] = by[s, a]
-                force[c, k, a] = (
-                    math.nan if unsure else (GRAVITY * w[a] if fused > 0 else acc[s, a])
+                own[a] = (
+                    0.5 * (gyr[after, w, a] + gyr[before, w, a]) if instant else gyr[after, w, a]
                 )
-        for j in range(joints.shape[1]):
-            p, s = int(sensors[c, j]), int(sensors[c, j + 1])
-            known[c, j] = (
-                joints[c, j] if math.isfinite(q_GB[p, 0]) and math.isfinite(q_GB[s, 0]) else 0.0
-            )
-            if known[c, j] > 0:
-                quat.relative_row(q_GB[p], q_GB[s], q_first[c, j])
-            else:
-                for a in range(4):
-                    q_first[c, j, a] = 1.0 if a == 0 else 0.0
-
-
-@rowwise("(m),(m,w,v),(m,w,v),(w),(),(),(),(),(),(s,v),(s,v)->(s,v),(s,v)")
-def _place_readings(
-    known_t: Array, gyr: Array, acc: Array, segments: Array, period: float, instant: float, fused: float, t: float, dt: float,
-    rate_before: Array, acc_before: Array, rate: Array, force: Array,
-) -> None:  # fmt: skip
-    """A stream's own rates where it has a sample at the row and the one before, and its specific
-    forces where they are asked for."""
-    put(rate_before, rate)
-    put(acc_before, force)
-    after = min(np.searchsorted(known_t, t), known_t.shape[0] - 1)
-    before = max(after - 1, 0)
-    at, span = known_t[after], known_t[after] - known_t[before]
-    regular = at == t and abs(dt - period) < 0.25 * period and abs(span - period) < 0.25 * period
-    inside = known_t[before] <= t and t <= at and span > 0 and span < 1.5 * period
-    weight = (t - known_t[before]) / (span if inside else 1.0)
-    own = np.empty(3)
-    for w in range(segments.shape[0]):
-        s = int(segments[w])
-        for a in range(3):
-            own[a] = (
-                0.5 * (gyr[after, w, a] + gyr[before, w, a]) if instant > 0 else gyr[after, w, a]
-            )
-            if fused == 0 and (at == t or inside):
-                force[s, a] = (
-                    acc[after, w, a]
-                    if at == t
-                    else acc[before, w, a] * (1 - weight) + acc[after, w, a] * weight
-                )
-        if regular and math.isfinite(own[0]) and math.isfinite(own[1]) and math.isfinite(own[2]):
-            rate[s, 0], rate[s, 1], rate[s, 2] = own[0], own[1], own[2]
+                if not fused and (at == t[n] or inside):
+                    readings.acc[n, s, a] = (
+                        acc[after, w, a]
+                        if at == t[n]
+                        else acc[before, w, a] * (1 - weight) + acc[after, w, a] * weight
+                    )
+            is_known = math.isfinite(own[0]) and math.isfinite(own[1]) and math.isfinite(own[2])
+            if at == t[n] and is_regular and is_known:
+                for a in range(3):
+                    readings.rate[n, s, a] = own[a]
 
 
 def _prune(waiting: Waiting, t: float) -> Waiting:
