@@ -12,7 +12,7 @@ import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime
-from functools import cache, cached_property, lru_cache
+from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from typing import Any
@@ -24,8 +24,8 @@ from babel.numbers import format_decimal
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import SEGMENTS
-from handscope.estimators.messages import GAP, Message, Text, english_texts, fill
-from handscope.estimators.messages.sentence import PLAIN, Sentence
+from handscope.estimators.messages import Message, Text, english_texts, fill
+from handscope.estimators.messages.sentence import Sentence
 
 DEFAULT = "en"
 NAME = re.compile(r"\{(\w+)\}")
@@ -34,7 +34,6 @@ PARTS = ("pages", "words")
 PLURALS = {"zero", "one", "two", "few", "many", "other"}  # of the Unicode CLDR
 SEGMENT = re.compile(rf"\b({'|'.join(sorted(SEGMENTS, key=len, reverse=True))})\b(?!_)")
 NUMBER = re.compile(r"(?<![\w.])\d+\.\d+(?![\w.])")
-MOST_SENTENCES = 4000  # of a sentence's length; longer ones are said as they are
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,9 +46,6 @@ class Language:
     pages: Mapping[str, str]
     words: Mapping[str, str]
     messages: Mapping[str, Text]  # by code
-    originals: Mapping[
-        str, str
-    ]  # the messages by their English text, for what was stored without codes
 
     def render(self, message: Message) -> str:
         """A message in this language; KeyError where its code has no text or a value is missing.
@@ -117,24 +113,15 @@ class Language:
             else words
         )
 
-    def translate(self, sentence: str) -> str:
-        """What was written in English elsewhere, by its codes; a text without codes in this language where it is known, else as it is, segments by their names."""
-        if isinstance(sentence, Sentence):
-            return self.several(map(self.render, sentence.messages))
-        if (known := self.words.get(f"value.{sentence}", self.originals.get(sentence))) is not None:
-            return known
-        if len(sentence) <= MOST_SENTENCES:
-            if len(parts := sentence.split("; ")) > 1 and all(self._knows(part) for part in parts):
-                return self.several(self.translate(part) for part in parts)
-            for pattern, text in self._patterns:
-                if found := pattern.fullmatch(sentence):
-                    return _fill(
-                        text,
-                        {name: self.translate(value) for name, value in found.groupdict().items()},
-                    )
-        if self.originals and "; " in sentence:  # several of them together
-            return self.several(self.translate(part) for part in sentence.split("; "))
-        return self._localised(sentence)
+    def translate(self, text: str) -> str:
+        """A text in this language by its codes; words without codes as they are, segments by their names.
+
+        A single word of the program, such as "left", has words by its key.
+        """
+        if isinstance(text, Sentence):
+            return self.several(map(self.render, text.messages))
+        known = self.words.get(f"value.{text}")
+        return self._localised(text) if known is None else known
 
     def translate_keys(self, value: Any, keys: Collection[str]) -> Any:
         """Plain data with the texts under these keys, at any depth, as heard."""
@@ -142,7 +129,7 @@ class Language:
             return value
         if isinstance(value, Mapping):
             return {
-                k: _translate_cached(self, v)
+                k: self.translate(v)
                 if k in keys and isinstance(v, str)
                 else self.translate_keys(v, keys)
                 for k, v in value.items()
@@ -162,35 +149,6 @@ class Language:
         return (
             named if point == "." else NUMBER.sub(lambda found: found[0].replace(".", point), named)
         )
-
-    def _knows(self, sentence: str) -> bool:
-        """Whether it is a sentence by itself; a frame without words, such as "{sensor}: {sentence}", would take in the next one, too."""
-        return sentence in self.originals or any(
-            pattern.fullmatch(sentence) for pattern in self._worded
-        )
-
-    @cached_property
-    def _worded(self) -> list[re.Pattern[str]]:
-        """Sentences with gaps and words of their own."""
-        return [
-            re.compile(to_pattern(s), re.DOTALL)
-            for s in self.originals
-            if NAME.search(s) and re.search("[a-z]{2}", NAME.sub("", s))
-        ]
-
-    @cached_property
-    def _patterns(self) -> list[tuple[re.Pattern[str], str]]:
-        """Sentences with gaps, those with most words of their own first."""
-        gapped = sorted(
-            (s for s in self.originals if NAME.search(s)), key=lambda s: -len(NAME.sub("", s))
-        )
-        return [(re.compile(to_pattern(s), re.DOTALL), self.originals[s]) for s in gapped]
-
-
-@lru_cache(2000)
-def _translate_cached(one: Language, sentence: str) -> str:
-    """For what is said again and again."""
-    return one.translate(sentence)
 
 
 def languages() -> Mapping[str, Language]:
@@ -256,7 +214,6 @@ def _read(code: str, text: str, english: Language | None) -> Language:
         {**pages, **content["pages"]},
         {**words, **content["words"]},
         {**english_texts(), **messages},
-        _by_original(messages),
     )
 
 
@@ -264,23 +221,6 @@ def _is_text(value: object) -> bool:
     if not isinstance(value, dict):
         return isinstance(value, str)
     return "other" in value and value.keys() <= PLURALS and all(map(_is_text, value.values()))
-
-
-def _by_original(messages: Mapping[str, Text]) -> dict[str, str]:
-    """The messages of a language by their English originals: stored results hold finished sentences."""
-    return {
-        GAP.sub(r"{\1}", original): GAP.sub(r"{\1}", own)
-        for code, text in messages.items()
-        if code != PLAIN
-        for original, own in _pairs(english_texts().get(code, {}), text)
-    }
-
-
-def _pairs(english: Text, own: Text) -> Iterable[tuple[str, str]]:
-    if isinstance(english, str):
-        return [(english, own)] if isinstance(own, str) else [(english, own["other"])]
-    forms = {form: own if isinstance(own, str) else own.get(form, own["other"]) for form in english}
-    return [(english[form], forms[form]) for form in english]
 
 
 def _each_once(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
@@ -319,23 +259,6 @@ def _weigh(accepted: str) -> Iterable[tuple[float, str]]:
 
 def _fill(text: str, values: Mapping[str, object]) -> str:
     return NAME.sub(lambda found: str(values.get(found[1], found[0])), text)
-
-
-def to_pattern(sentence: str) -> str:
-    """A regular expression from a sentence with {names}; a name that stands twice is the same both times."""
-    seen: set[str] = set()
-    pieces = []
-    for k, piece in enumerate(NAME.split(sentence)):
-        pieces.append(
-            re.escape(piece)
-            if k % 2 == 0
-            else f"(?P={piece})"
-            if piece in seen
-            else f"(?P<{piece}>.+?)"
-        )
-        if k % 2:
-            seen.add(piece)
-    return "".join(pieces)
 
 
 ENGLISH = languages()[DEFAULT]

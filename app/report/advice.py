@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 
 from handscope.app.language import Language
-from handscope.app.language.recognition import codes_in
+from handscope.estimators.messages.sentence import codes_of
 
 ADVICE: Mapping[str, str] = {  # the code of a reason, and what is to be done, in this order
     "lift.nothing_held": "not_held",
@@ -44,7 +44,7 @@ def advice(reasons: Iterable[str], language: Language) -> list[str]:
 
     A magnet that is out of reach where readings contradict is none.
     """
-    codes = frozenset().union(*map(codes_in, reasons))
+    codes = frozenset().union(*map(codes_of, reasons))
     found = dict.fromkeys(what for code, what in ADVICE.items() if code in codes)
     return [
         language.say(f"advice.{what}")

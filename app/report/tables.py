@@ -10,9 +10,9 @@ from typing import Any
 import orjson
 
 from handscope.app.language import ENGLISH
-from handscope.app.language.recognition import codes_in
 from handscope.app.report.content import Content
 from handscope.app.report.units import reading
+from handscope.estimators.messages.sentence import codes_of
 from handscope.sessions.tables_io.spreadsheet import write_table
 
 SIGNS = (
@@ -81,7 +81,7 @@ def rows(content: Content) -> list[dict[str, Any]]:
             "grade": f.grade,
             "reason": f.reason,
             "source": f.source,
-            "reason_codes": " ".join(sorted(codes_in(f.reason))),
+            "reason_codes": " ".join(sorted(codes_of(f.reason))),
         }
         for task in content.tasks
         for f in task.result.figures

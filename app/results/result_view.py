@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from handscope.app.language import Language
-from handscope.app.language.recognition import codes_in
 from handscope.app.protocols import Protocol
 from handscope.app.report.change_words import row_words, tapping_words
 from handscope.app.report.changes import Changes
@@ -34,6 +33,7 @@ from handscope.estimators.measures.figure import Figure
 from handscope.estimators.measures.range_of_motion import Range
 from handscope.estimators.measures.resting_drift import Drift
 from handscope.estimators.measures.total_active_motion import GRADINGS
+from handscope.estimators.messages.sentence import codes_of
 from handscope.sessions.clinic.references import Compared
 
 FOLDING = (
@@ -138,7 +138,7 @@ def _figure_payload(
         "sd": sd[0],
         "unit": value[1],
         "reason": language.translate(row["reason"]),
-        "codes": sorted(codes_in(row["reason"])),
+        "codes": sorted(codes_of(row["reason"])),
         "meaning": language.translate(row.get("meaning", "")),
         "sd_basis": language.translate(row.get("sd_basis", "")),
         "norm": asdict(norm) if norm else None,

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from handscope.app.language import Language
-from handscope.app.language.recognition import codes_in
 from handscope.app.report.advice import advice
 from handscope.app.report.norms import norm_of
 from handscope.app.report.references import Edition
@@ -20,6 +19,7 @@ from handscope.app.report.words import named
 from handscope.estimators.data.trajectory import FLAG_WORDS, Flag
 from handscope.estimators.measures.figure import Figure
 from handscope.estimators.measures.resting_drift import Drift
+from handscope.estimators.messages.sentence import codes_of
 
 MOST_POOR = 0.5  # share of the figures
 BEYOND = 3.0  # standard deviations over healthy people
@@ -109,7 +109,7 @@ def trust_payload(
 
 
 def _todo(doubts: Sequence[Doubt]) -> list[str]:
-    codes = [codes_in(d.reason) for d in doubts]
+    codes = [codes_of(d.reason) for d in doubts]
     found = [what for each in codes for code, what in TODO.items() if code in each]
     found += ["look"] if any(d.figure for d in doubts) else []
     return list(dict.fromkeys(found))

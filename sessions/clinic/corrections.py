@@ -12,6 +12,7 @@ from sqlalchemy.orm import Session
 
 from handscope.estimators.data.events import Event
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages import Value
 from handscope.estimators.messages.sentence import Sentence, phrase
 from handscope.sessions.db.tables import Correction, RecordingFile, now
 
@@ -117,16 +118,20 @@ def without_reasons(sentence: str, corrections: Iterable[Mapping[str, Any]]) -> 
 
 
 def _without(sentence: str, reason: str) -> str:
-    if not isinstance(sentence, Sentence):  # stored before messages had codes
+    if not isinstance(sentence, Sentence):  # words that have no code
         return sentence.replace(f"({reason})", f"({REDACTED})")
-    return Sentence(
-        *(
-            replace(m, values={**m.values, "reason": REDACTED})
-            if m.values.get("reason") == reason
-            else m
-            for m in sentence.messages
-        )
-    )
+    return Sentence(*(replace(m, values=_redacted(m.values, reason)) for m in sentence.messages))
+
+
+def _redacted(values: Mapping[str, Value], reason: str) -> Mapping[str, Value]:
+    return {
+        name: REDACTED
+        if name == "reason" and value == reason
+        else _without(value, reason)
+        if isinstance(value, str)
+        else value
+        for name, value in values.items()
+    }
 
 
 def trial_names(events: Iterable[Event]) -> list[str]:

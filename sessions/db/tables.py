@@ -12,6 +12,7 @@ from sqlalchemy.orm import Mapped, mapped_column, relationship
 from handscope.sessions.db.columns import Base as Base
 from handscope.sessions.db.columns import UtcDateTime as UtcDateTime
 from handscope.sessions.db.columns import now as now
+from handscope.sessions.db.earlier_texts import TextsWithCodes, TextWithCodes
 from handscope.sessions.db.patientless_tables import Attempt as Attempt
 from handscope.sessions.db.patientless_tables import AuditLine as AuditLine
 from handscope.sessions.db.patientless_tables import ErasedFile as ErasedFile
@@ -147,7 +148,7 @@ class PatientSession(Base):
     )  # of the other hand, measured just before in the same visit
     trunk_height: Mapped[float | None]  # m, the patient's when the session began
     plan: Mapped[dict[str, Any]] = mapped_column(
-        default=dict, server_default="{}"
+        TextsWithCodes, default=dict, server_default="{}"
     )  # name, version and title of the assessment plan that it had; empty: none
     trunk_corrected: Mapped[
         float | None
@@ -233,10 +234,10 @@ class SelfCalibration(Base):
     end: Mapped[float]
     version: Mapped[str] = mapped_column(String(32))  # of the program
     found: Mapped[dict[str, Any]] = mapped_column(
-        default=dict
+        TextsWithCodes, default=dict
     )  # lengths, seats, biases with standard deviations (derivative.py), SI
     messages: Mapped[list[Any]] = mapped_column(
-        "told", default=list
+        "told", TextsWithCodes, default=list
     )  # what it says of itself, in sentences
     stored: Mapped[datetime] = mapped_column("kept", default=now)
     withdrawn: Mapped[datetime | None]  # it is not offered any more
@@ -354,12 +355,12 @@ class Result(Base):
         default=0, server_default="0"
     )  # how often its computation was begun
     progress: Mapped[float] = mapped_column(default=0.0)
-    error: Mapped[str] = mapped_column(default="")
-    figures: Mapped[list[Any]] = mapped_column(default=list)
+    error: Mapped[str] = mapped_column(TextWithCodes, default="")
+    figures: Mapped[list[Any]] = mapped_column(TextsWithCodes, default=list)
     content: Mapped[dict[str, Any]] = mapped_column(
-        default=dict
+        TextsWithCodes, default=dict
     )  # tasks with their details and curves thinned for pages
-    warnings: Mapped[list[Any]] = mapped_column(default=list)
+    warnings: Mapped[list[Any]] = mapped_column(TextsWithCodes, default=list)
 
     recording: Mapped[RecordingFile] = relationship(back_populates="results")
 

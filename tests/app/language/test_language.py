@@ -16,7 +16,7 @@ from handscope.estimators.data.trajectory import FLAG_WORDS
 from handscope.estimators.errors import InputError
 from handscope.estimators.measures import MEASURES
 from handscope.estimators.messages import english_texts
-from handscope.estimators.messages.sentence import codes_of, phrase
+from handscope.estimators.messages.sentence import codes_of, join, phrase
 from handscope.estimators.methods import METHODS
 from handscope.sessions.clinic.audit import BY_ITSELF, KINDS
 from handscope.sessions.db.conflicts import ConflictError
@@ -78,28 +78,15 @@ def test_none_is_singular_in_french() -> None:
     assert said == ["0 valeur", "1 valeur", "2 valeurs"]
 
 
-def test_a_sentence_written_elsewhere_is_recognised_with_what_differs_in_it() -> None:
-    assert (
-        GERMAN.translate("samples missing and bridged in 12 % of the samples")
-        == "fehlende Messwerte überbrückt in 12 % der Messwerte"
-    )
-    assert (
-        ENGLISH.translate("samples missing and bridged in 12 % of the samples")
-        == "samples missing and bridged in 12 % of the samples"
-    )
-
-
-def test_reasons_told_together_are_each_recognised_though_one_has_a_colon() -> None:
-    slipped, carried = (
-        "the object slipped",
-        "part of the load does not change with the acceleration: something not measured carries the object",
-    )
-    doubted = "magnet out of reach in 44 % of the samples"
-    parts = [GERMAN.translate(one) for one in (slipped, carried, doubted)]
-    assert not {slipped, carried, doubted} & set(parts)
-    assert GERMAN.translate(f"{slipped}; {carried}; {doubted}") == "; ".join(parts)
-    assert GERMAN.translate(f"{carried}; {slipped}") == f"{parts[1]}; {parts[0]}"
-    assert ENGLISH.translate(f"{slipped}; {carried}") == f"{slipped}; {carried}"
+def test_a_text_is_translated_by_its_codes_and_never_by_its_words() -> None:
+    slipped, carried = phrase("force_flag.slip"), phrase("lift.carried")
+    together = join([slipped, carried])
+    parts = [GERMAN.translate(one) for one in (slipped, carried)]
+    assert not {slipped, carried} & set(parts)
+    assert GERMAN.translate(together) == "; ".join(parts)
+    assert ENGLISH.translate(together) == together
+    without_codes = str.__str__(together)
+    assert GERMAN.translate(without_codes) == without_codes
 
 
 def test_an_unknown_sentence_is_said_as_it_is_with_segments_named_and_numbers_in_form() -> None:
