@@ -14,6 +14,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.force.sensor import AXES, Solved, SolveParams, solve
 from handscope.estimators.force.setup import ForceSetup, setup_to_table
 from handscope.estimators.hand.anatomy import FINGERS
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 from handscope.sessions.formats.load_table import LoadTable, load_table
 from handscope.sessions.tables_io import force_calibrations
@@ -120,25 +121,19 @@ def _summary_lines(table: LoadTable, s: Solved) -> list[str]:
     ]
     for line, raw, load in zip(table.lines, table.raw, table.loads):
         if not (np.isfinite(raw).all() and np.isfinite(load).all()):
-            lines.append(f"line {line} was passed over: a reading or the load is missing in it")
+            lines.append(phrase("load.line_incomplete", line=line))
     for row in s.left_out:
         load = ", ".join(f"{value:.3g}" for value in table.loads[row])
-        lines.append(
-            f"line {table.lines[row]} was left out: its readings do not belong to a load of ({load}); look at that row again"
-        )
+        lines.append(phrase("load.line_left_out", line=table.lines[row], load=load))
     if s.one_sided:
-        lines.append(
-            f"loaded one way alone: {', '.join(s.one_sided)}; the other way is taken to be alike"
-        )
+        lines.append(phrase("load.one_way", axes=", ".join(s.one_sided)))
     lines.append(f"a force is known to {100 * s.calibration.scale_sd:.2g} % of itself")
     if table.by_accelerometer:
         lines.append(
             f"its axes are those of the inertial sensor on the cuff, to {np.degrees(s.turn_sd):.2g} deg"
         )
     if s.calibration.scale_sd > USUAL:
-        lines.append(
-            f"warning: without a calibration {100 * USUAL:g} % would have been taken; average more readings, or hang more weight"
-        )
+        lines.append(f"warning: {phrase('load.scale_unsure', percent=100 * USUAL)}")
     return lines
 
 

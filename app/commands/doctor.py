@@ -17,6 +17,7 @@ from handscope.app.devices.diagnosis import Diagnosis, diagnose
 from handscope.app.devices.glove import Glove
 from handscope.app.devices.taps import PLACES, TAP, ShakenSensors
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import codes_of, phrase
 from handscope.sessions.formats import recordings as formats_recordings
 
 TAP_WAIT = 10.0  # s that a tap is waited for
@@ -99,6 +100,7 @@ def _json(port: str, d: Diagnosis, to_mend: tuple[str, ...], felt: dict[str, str
         **asdict(d),
         "taps": felt,
         "to_mend": list(to_mend),
+        "codes": [sorted(codes_of(fault)) for fault in to_mend],
     }
     return json.dumps(_finite(table), indent=1) + "\n"
 
@@ -123,10 +125,10 @@ def _ask_for_taps(glove: Glove, shaken: ShakenSensors, felt: dict[str, str]) -> 
         _wait(TAPPING)
         sensor, step = shaken.hardest()
         if step < TAP:
-            yield f"{place}: no sensor felt a tap within {TAP_WAIT:g} s; is its strip fixed?"
+            yield phrase("doctor.no_tap", place=place, seconds=TAP_WAIT)
             continue
         felt[place] = sensor
         if sensor in sensors:
             say(f"  {sensor} felt it")
         else:
-            yield f"{place}: {sensor} felt the tap most: plug the strips in as they state, or fix them on the fingers that they state"
+            yield phrase("doctor.tap_elsewhere", place=place, sensor=sensor)

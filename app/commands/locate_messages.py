@@ -18,6 +18,7 @@ from handscope.estimators.magnet.model.setup import (
     STRONGEST,
     WEAKEST,
 )
+from handscope.estimators.messages.sentence import join, phrase
 from handscope.estimators.numerics.typing import Array
 from handscope.sessions.tables_io.array_description import ArrayDescription
 
@@ -28,24 +29,24 @@ RATES = (2.0, 5000.0)  # Hz: other rates were hardly stamped in seconds
 
 def describe_uncalibrated(error: float) -> str:
     """Say how large errors of sensors without calibration may be; `error` in T."""
-    return (
-        f"not calibrated: iron on the board and turned chips are not seen, {1e6 * error:.2g} uT an axis are counted for them; record the array turned by hand "
-        "and give --turned, or tell `calibration_sd` in the array's file if the readings are calibrated already"
-    )
+    return phrase("locate.uncalibrated", sd=1e6 * error)
 
 
 def describe_calibration(array: ArrayDescription, calibration: RotationCalibration) -> list[str]:
     """What the calibration found that a user must know."""
     messages = [
-        f"{name}: an axis points the other way than on most; turned round"
+        phrase("locate.axis_mirrored", name=name)
         for name, is_mirrored in zip(array.names, calibration.is_mirrored)
         if is_mirrored
     ]
     worst = int(np.argmax(calibration.residual_rms))
     if calibration.residual_rms[worst] > 0.02 * calibration.ellipsoids[0].strength:
         messages.append(
-            f"{array.names[worst]}: {1e6 * calibration.residual_rms[worst]:.2g} uT are left against the others: the field was not the same across the array, or it was not rigid; "
-            "standard deviations are as much larger"
+            phrase(
+                "locate.residual",
+                name=array.names[worst],
+                residual=1e6 * calibration.residual_rms[worst],
+            )
         )
     return messages
 
@@ -55,9 +56,7 @@ def describe_gradient(result: LocalisationResult, declared_sd: float) -> list[st
     if result.search.gradient_sd <= declared_sd:
         return []
     change = field_gradient_test.rms_change_of(result.search.gradient_sd)
-    return [
-        f"the field changes by about {1e6 * change:.2g} uT a metre across the array: iron is near; what it changes by counts as unknown, places are less sure for it"
-    ]
+    return [phrase("locate.gradient", change=1e6 * change)]
 
 
 def describe_systematic_errors(result: LocalisationResult) -> list[str]:
@@ -71,24 +70,24 @@ def describe_systematic_errors(result: LocalisationResult) -> list[str]:
         )
     )
     descriptions = {
-        "offset": f"offsets of {1e6 * sizes['offset']:.2g} uT",
-        "gain": f"gains and axes that are off by {100 * sizes['gain']:.2g} %",
-        "place": f"magnetometers that sit {1e3 * sizes['place']:.2g} mm from where they are told",
-        "late": f"readings that are late by {1e3 * sizes['late']:.2g} ms",
-        "length": f"a magnet as long as a rod of {200 * np.sqrt(6 * sizes['length']):.2g} cm",
-        "slope": f"a field that changes by {1e6 * field_gradient_test.rms_change_of(sizes['slope']):.2g} uT a metre",
-        "turn": f"axes of the magnetometers that are turned by {np.degrees(np.sqrt(3) * sizes['turn']):.2g} degrees against the board",
-        "moment": "a moment that is not as told",
+        "offset": phrase("locate.error_offset", size=1e6 * sizes["offset"]),
+        "gain": phrase("locate.error_gain", size=100 * sizes["gain"]),
+        "place": phrase("locate.error_place", size=1e3 * sizes["place"]),
+        "late": phrase("locate.error_late", size=1e3 * sizes["late"]),
+        "length": phrase("locate.error_length", size=200 * np.sqrt(6 * sizes["length"])),
+        "slope": phrase(
+            "locate.error_slope", size=1e6 * field_gradient_test.rms_change_of(sizes["slope"])
+        ),
+        "turn": phrase("locate.error_turn", size=np.degrees(np.sqrt(3) * sizes["turn"])),
+        "moment": phrase("locate.error_moment"),
     }
-    return [
-        f"what errs alike in all readings was told by all of them together and taken off the places; most of it looks like {descriptions[systematic.dominant.name]}"
-    ]
+    return [phrase("locate.systematic", what=descriptions[systematic.dominant.name])]
 
 
 def describe_offsets(result: LocalisationResult, names: Sequence[str]) -> list[str]:
     """A message where timestamps were corrected."""
     offsets = [
-        f"{name} by {1e3 * offset:.0f} ms (standard deviation {1e3 * sd:.1g})"
+        phrase("locate.offset_of", name=name, offset=1e3 * offset, sd=1e3 * sd)
         for name, offset, sd in zip(
             names, result.timestamp_offsets.offsets, result.timestamp_offsets.sd
         )
@@ -97,14 +96,10 @@ def describe_offsets(result: LocalisationResult, names: Sequence[str]) -> list[s
     if not offsets:
         return []
     spread = result.timestamp_offsets.spread
-    unsure = (
-        f"; whose times are right is not told, {1e3 * spread:.0f} ms are counted for it"
-        if spread > MIN_CORRECTION
-        else ""
-    )
-    return [
-        f"readings come later than the others' (earlier, where less than 0) and were moved by that: {', '.join(offsets)}{unsure}"
-    ]
+    moved = join(offsets)
+    if spread > MIN_CORRECTION:
+        return [phrase("locate.offsets_unsure", offsets=moved, spread=1e3 * spread)]
+    return [phrase("locate.offsets", offsets=moved)]
 
 
 def describe_few(
@@ -124,8 +119,12 @@ def describe_few(
     )
     shift = 1e3 * float(np.median(field_gradient_test.position_shift(problem, x, UNSEEN_GRADIENT)))
     return [
-        f"{len(result.search.array)} magnetometers cannot tell a field that changes across the array: {1e6 * UNSEEN_GRADIENT:.0f} uT a metre would draw places by {shift:.2g} mm (median); "
-        "tell `gradient` in the array's file if iron is near"
+        phrase(
+            "locate.too_few",
+            number=len(result.search.array),
+            gradient=1e6 * UNSEEN_GRADIENT,
+            shift=shift,
+        )
     ]
 
 
@@ -135,19 +134,31 @@ def describe_result(
     """How many readings were located, and how well."""
     is_located = localisation.is_located
     messages = [
-        f"{len(readings.t)} readings of {readings.mag.shape[1]} magnetometers in {readings.t[-1]:.1f} s; noise and calibration {1e6 * result.search.noise:.2g} uT an axis",
+        phrase(
+            "locate.readings",
+            number=len(readings.t),
+            chips=readings.mag.shape[1],
+            seconds=readings.t[-1],
+            noise=1e6 * result.search.noise,
+        ),
     ]
     if not is_located.any():
-        return [*messages, f"no magnet is found: {_explain_failure(result, localisation, assumed)}"]
+        why = _explain_failure(result, localisation, assumed)
+        return [*messages, phrase("locate.no_magnet", why=why)]
     sd, size = (
         np.linalg.norm(localisation.place_sd[is_located], axis=1),
         np.linalg.norm(localisation.moment[is_located], axis=1),
     )
     return [
         *messages,
-        f"magnet found in {100 * is_located.mean():.0f} % of them, place to {1e3 * np.median(sd):.2g} mm (median), moment {np.median(size):.3g} A m^2",
+        phrase(
+            "locate.found",
+            share=100 * is_located.mean(),
+            sd=1e3 * float(np.median(sd)),
+            moment=float(np.median(size)),
+        ),
         *(
-            [f"not found in the others: {_explain_failure(result, localisation, assumed)}"]
+            [phrase("locate.not_in_others", why=_explain_failure(result, localisation, assumed))]
             if not is_located.all()
             else []
         ),
@@ -168,11 +179,9 @@ def require_unit(strength: float, unit: str | float, name: str) -> None:
 def _ask_unit(strength: float, unit: str | float) -> str:
     fitting = bench_readings.find_fitting_units(strength, unit)
     declared = f"{unit:g} T a count" if isinstance(unit, (int, float)) else unit
-    return (
-        f"The unit is told as {declared}: is it {' or '.join(fitting)}?"
-        if fitting
-        else f"Is the unit told, {declared}, that of the table?"
-    )
+    if fitting:
+        return phrase("locate.unit_is_it", unit=declared, fitting=" / ".join(fitting))
+    return phrase("locate.unit_of_table", unit=declared)
 
 
 def describe_rate(readings: BenchReadings) -> list[str]:
@@ -184,9 +193,7 @@ def describe_rate(readings: BenchReadings) -> list[str]:
     )
     if RATES[0] <= rate <= RATES[1]:
         return []
-    return [
-        f"{rate:.3g} readings a second: are the times in s? The array's file tells another unit of them as `time`"
-    ]
+    return [phrase("locate.rate", rate=rate)]
 
 
 def describe_implausible(
@@ -202,8 +209,7 @@ def describe_implausible(
     field = float(np.nanquantile(strength, 0.5 if is_explained.any() else 0.25))
     if not EARTH_WEAKEST <= field <= EARTH_STRONGEST:
         messages.append(
-            f"without the magnet {1e6 * field:.3g} uT are left (median), the earth's field is 22 to 67 uT. {_ask_unit(field, array.unit)} "
-            "Moments are as wrong as it is; or the field was taken off, or iron is on the board or near"
+            phrase("locate.field_implausible", field=1e6 * field, unit=_ask_unit(field, array.unit))
         )
     if localisation.is_located.any():
         size = float(
@@ -211,8 +217,7 @@ def describe_implausible(
         )
         if not WEAKEST <= size <= STRONGEST:
             messages.append(
-                f"a moment of {size:.3g} A m^2 is no magnet for a hand ({WEAKEST:g} to {STRONGEST:g}): is the unit that of the table, and are the "
-                "magnetometers' places in m? Places ten times too large make moments a thousand times too large"
+                phrase("locate.moment_implausible", size=size, least=WEAKEST, most=STRONGEST)
             )
     return messages
 
@@ -233,10 +238,7 @@ def describe_moment(search: Search, moment: float | None, localisation: Localisa
     if abs(size / moment - 1) < 0.2:
         return []
     field = float(np.median(np.linalg.norm(free.field[free.is_located], axis=1)))
-    return [
-        f"the readings contradict the moment told, {moment:g} A m^2: without it they are those of a magnet of {size:.3g} A m^2 in a field of {1e6 * field:.3g} uT. "
-        "Is the moment right, is the unit that of the table, and are the magnetometers' places in m?"
-    ]
+    return [phrase("locate.moment_contradicted", moment=moment, size=size, field=1e6 * field)]
 
 
 def _explain_failure(result: LocalisationResult, localisation: Localisation, assumed: float) -> str:
@@ -244,14 +246,11 @@ def _explain_failure(result: LocalisationResult, localisation: Localisation, ass
     calibration."""
     is_lost = ~localisation.is_located
     if np.isnan(localisation.residual_rms[is_lost]).mean() > 0.5:
-        return "readings are missing or at their limit"
+        return phrase("locate.why_missing")
     if result.has_second_magnet[is_lost].mean() > 0.5:
-        return "the readings are those of two magnets, or of one and iron near: take the other away, and what is of steel"
+        return phrase("locate.why_two")
     if (result.is_inconsistent | result.has_second_magnet)[is_lost].mean() > 0.5:
-        return "the readings are not those of one magnet in a homogeneous field: a second magnet, iron near, wrong places, or no calibration"
+        return phrase("locate.why_inconsistent")
     if assumed:
-        return (
-            f"the magnet is too far away or too near for a sure place with the {1e6 * assumed:.2g} uT an axis that are counted because nobody says how the array is "
-            "calibrated: give --turned, or tell `calibration_sd` in the array's file"
-        )
-    return "the magnet is too far away or too near for a sure place"
+        return phrase("locate.why_assumed", sd=1e6 * assumed)
+    return phrase("locate.why_distance")

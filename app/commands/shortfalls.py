@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.files.absences import absences
 from handscope.sessions.files.recording import LoadedRecording
 
@@ -10,5 +11,11 @@ def shortfalls(recording: LoadedRecording) -> Iterator[str]:
     """A sentence each."""
     for name, stretches in absences(recording).items():
         for start, stop in stretches:
-            yield f"{name} was absent from {start:.1f} s to {stop:.1f} s ({stop - start:.1f} s)"
+            yield phrase(
+                "recording.strip_absent",
+                name=name,
+                start=start,
+                stop=stop,
+                duration=stop - start,
+            )
     yield from recording.warnings

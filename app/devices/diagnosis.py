@@ -13,6 +13,7 @@ import numpy as np
 
 from handscope.app.devices.glove import Glove
 from handscope.estimators.data.samples import ACC, GYR, Block
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.sensors import fault_detection
 from handscope.estimators.sensors.static_segments import Rest, RestParams, find_rests
@@ -177,14 +178,16 @@ def _common_rest(
 
 def _losses_to_mend(losses: Mapping[str, int], streams: tuple[StreamFigures, ...]) -> Iterator[str]:
     if losses["glove"]:
-        yield f"the glove dropped {losses['glove']} frames because nobody took them: lower its rate, or give this machine less to do"
+        yield phrase("doctor.glove_lost", count=losses["glove"])
     if losses["wire"]:
-        yield f"{losses['wire']} frames were lost or damaged on the wire: try another cable, hub or network"
+        yield phrase("doctor.wire_lost", count=losses["wire"])
     if losses["host"]:
-        yield f"this machine was too slow to show {losses['host']} chunks (the recording has them): close other programs"
+        yield phrase("doctor.host_late", count=losses["host"])
     for s in streams:
         if s.lost:
-            yield f"{s.name}: {s.lost} of {s.samples + s.lost} samples are missing"
+            yield phrase(
+                "doctor.samples_missing", name=s.name, lost=s.lost, samples=s.samples + s.lost
+            )
 
 
 def _own_clocks(a: Assembler) -> frozenset[str]:
@@ -197,30 +200,30 @@ def _own_clocks(a: Assembler) -> frozenset[str]:
 def _rates_to_mend(streams: tuple[StreamFigures, ...]) -> Iterator[str]:
     for s in streams:
         if abs(s.measured_rate / s.stated_rate - 1) > RATE_SHARE:
-            yield f"{s.name}: {s.measured_rate:.1f} samples a second, the glove states {s.stated_rate:g}: correct the rate in its firmware"
+            yield phrase("doctor.rate", name=s.name, measured=s.measured_rate, stated=s.stated_rate)
 
 
 def _clock_to_mend(ppm: float, duration: float) -> Iterator[str]:
     if duration >= SETTLED and abs(ppm) > CLOCK_DRIFT:
-        yield f"the glove's clock runs {ppm:+.0f} ppm off this machine's: give it a crystal, or correct its factor"
+        yield phrase("doctor.clock", ppm=ppm)
 
 
 def sensors_to_mend(sensors: Iterable[SensorFigures]) -> Iterator[str]:
     """A sentence for each figure that is beyond what data sheets allow."""
     for s in sensors:
         if s.gyr_noise > GYR_NOISE:
-            yield f"{s.sensor}: its gyroscope's noise is {s.gyr_noise:.3f} deg/s per root Hz, at most {GYR_NOISE:g} is usual: check supply and filter, or change the sensor"
+            yield phrase("doctor.gyr_noise", sensor=s.sensor, noise=s.gyr_noise, limit=GYR_NOISE)
         if s.gyr_bias > GYR_BIAS:
-            yield f"{s.sensor}: its gyroscope reads {s.gyr_bias:.1f} deg/s at rest, at most {GYR_BIAS:g} is usual: calibrate its strip, or change the sensor"
+            yield phrase("doctor.gyr_bias", sensor=s.sensor, bias=s.gyr_bias, limit=GYR_BIAS)
         if (off := 1e3 * abs(s.acc_size / GRAVITY - 1)) > ACC_OFFSET:
-            yield f"{s.sensor}: its accelerometer is {off:.0f} mg off gravity at rest, at most {ACC_OFFSET:g} is usual: calibrate its strip, or change the sensor"
+            yield phrase("doctor.acc_offset", sensor=s.sensor, offset=off, limit=ACC_OFFSET)
         if s.acc_noise > ACC_NOISE:
-            yield f"{s.sensor}: its accelerometer's noise is {s.acc_noise:.2f} mg per root Hz, at most {ACC_NOISE:g} is usual: check supply and filter, or change the sensor"
+            yield phrase("doctor.acc_noise", sensor=s.sensor, noise=s.acc_noise, limit=ACC_NOISE)
 
 
 def _absent(a: Assembler) -> Iterator[str]:
     worn = {point for strip in a.strips.values() for point in strip.points}
     if "hand" not in worn:
-        yield "no sensor on the back of the hand: fingers are measured against it"
+        yield phrase("doctor.no_hand_sensor")
     if "forearm" not in worn:
-        yield "no sensor on the forearm: the wrist is not measured"
+        yield phrase("doctor.no_forearm_sensor")

@@ -11,16 +11,19 @@ from collections.abc import Mapping
 import numpy as np
 
 from handscope.estimators.data.samples import ACC, Block
-from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENT
+from handscope.estimators.hand.anatomy import CHAINS, SEGMENT
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 
 TAP = 4.0  # m/s^2 from one sample to the next that are a tap
-TIP = "Tap the tip of the {} on the table, a few times."
 PLACES: Mapping[str, tuple[str, tuple[str, ...]]] = {
-    f: (TIP.format(f if f == "thumb" else f"{f} finger"), CHAINS[f]) for f in FINGERS
-} | {
-    "hand": ("Tap the sensor on the back of the hand, a few times.", ("hand",)),
-    "forearm": ("Tap the sensor on the forearm, a few times.", ("forearm",)),
+    "thumb": (phrase("doctor.tap_thumb"), CHAINS["thumb"]),
+    "index": (phrase("doctor.tap_index"), CHAINS["index"]),
+    "middle": (phrase("doctor.tap_middle"), CHAINS["middle"]),
+    "ring": (phrase("doctor.tap_ring"), CHAINS["ring"]),
+    "little": (phrase("doctor.tap_little"), CHAINS["little"]),
+    "hand": (phrase("doctor.tap_hand"), ("hand",)),
+    "forearm": (phrase("doctor.tap_forearm"), ("forearm",)),
 }  # by place: what to ask for, and the sensors that may shake most
 
 

@@ -19,6 +19,7 @@ from handscope.app.version import software_version
 from handscope.app.workers.deadline import LIMIT, limit_time
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import Hand
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.methods import ALL_METHODS, default_for
 from handscope.estimators.pipeline.process import Processed, process
 from handscope.estimators.recording_checks.check import check_processed
@@ -31,7 +32,7 @@ from handscope.sessions.tables_io.writing import save_file, save_folder
 
 DONE = "done.json"
 SUFFIXES = (SUFFIX, ".zip")
-MISSING = "a cohort needs the package dask: pip install 'handscope[cohort]'"
+MISSING = phrase("cohort.no_package")
 
 
 @dataclass(frozen=True)
@@ -137,7 +138,9 @@ def all_of(
             outcomes[work.name] = (
                 future.result()
                 if problem is None
-                else Outcome(work.name, "failed", f"the process that worked on it ended: {problem}")
+                else Outcome(
+                    work.name, "failed", phrase("cohort.process_ended", problem=str(problem))
+                )
             )
             on_progress(len(outcomes) / len(works))
     return [outcomes[work.name] for work in works]

@@ -17,6 +17,7 @@ import numpy as np
 
 from handscope.estimators.data.samples import MAG
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors.imu_calibration import ImuCalibration
@@ -28,9 +29,7 @@ from handscope.estimators.sensors.magnetometer_ellipsoid import (
 )
 from handscope.estimators.sensors.six_position_calibration import SolvedCalibration
 
-AGAINST_GRAVITY = (
-    "how the magnetometers are turned against gravity: no inertial sensor was beside them"
-)
+AGAINST_GRAVITY = phrase("sensor.unobserved_gravity")
 
 
 @dataclass(frozen=True)

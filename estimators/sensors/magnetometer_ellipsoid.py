@@ -21,6 +21,7 @@ from scipy.optimize import least_squares
 
 from handscope.estimators.data.samples import MAG
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.axis_estimation import fit_common_rotation
 from handscope.estimators.numerics.typing import Array, Bools
@@ -136,7 +137,7 @@ def find_common_axes(mag: Array) -> CommonAxes:
 def find_outsiders(names: Sequence[str], common: CommonAxes) -> dict[str, str]:
     """Magnetometers that did not see the first one's field turn, with a sentence for each."""
     return {
-        name: f"{name} and {names[0]} did not see the same field turn: {100 * left:.0f} % are left. Are they on one rigid board, and are their times the same?"
+        name: phrase("magnet.other_field_turn", name=name, first=names[0], share=100 * left)
         for name, left in zip(names, common.left)
         if left > MISALIGNED
     }

@@ -23,6 +23,7 @@ from scipy.optimize import least_squares
 from handscope.estimators.data.options import option
 from handscope.estimators.data.samples import ACC, GYR, MAG
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array, Bools
@@ -150,7 +151,7 @@ def _accelerometer(
     entries: tuple[tuple[int, int], ...] = LOWER
     fit = _norm_fit(mean, sd, params.gravity, entries) if different >= 9 else None
     if fit is None or fit.sd[:6].max() > SEEN[ACC]:
-        unobserved.append("cross axes of the accelerometer: they take 9 different positions")
+        unobserved.append(phrase("sensor.unobserved_acc_cross"))
         entries = LOWER[:3]
         fit = _norm_fit(mean, sd, params.gravity, entries)
     n = len(entries)
@@ -213,7 +214,7 @@ def _gyroscope(
     sd = np.array([_direction_sd(still, rests[a], rests[b], d) for (a, b), d in zip(ways, dt)])
     fit, M, M_sd = _turn_fit(steps, start, end, sd, np.ones((3, 3), bool))
     if not M_sd.max() < SEEN[GYR]:
-        unobserved.append("cross axes of the gyroscope: they take turns about more axes")
+        unobserved.append(phrase("sensor.unobserved_gyr_cross"))
         fit, M, M_sd = _turn_fit(steps, start, end, sd, np.eye(3, dtype=bool))
     unseen = [axis for axis, s in zip("xyz", np.diag(M_sd)) if not s < SEEN[GYR]]
     if unseen:
@@ -283,11 +284,11 @@ def _magnetometer(t: Array, t_mag: Array, mag: Array, rests: list[Rest], up: lis
     whole = np.isfinite(mag).all(axis=1)
     t_mag, mag = t_mag[whole], mag[whole]
     if len(mag) < 100 or (np.ptp(mag, axis=0) == 0).any():
-        return "the magnetometer: it has no samples or an axis of it is constant"
+        return phrase("sensor.unobserved_mag_constant")
     pieces = [mag[slice(*np.searchsorted(t_mag, [t[r.first], t[r.last - 1]]))] for r in rests]
     used = [k for k, p in enumerate(pieces) if len(p) > 3]
     if len(used) < DIPS:
-        return f"the magnetometer: it has samples in {len(used)} positions, {DIPS} are needed"
+        return phrase("sensor.unobserved_mag_positions", count=len(used), needed=DIPS)
     centre, size = 0.5 * (mag.max(axis=0) + mag.min(axis=0)), 0.5 * float(np.ptp(mag, axis=0).max())
     y = (mag[:: max(1, len(mag) // FIELD_SAMPLES)] - centre) / size
     mean, count = (
@@ -299,7 +300,7 @@ def _magnetometer(t: Array, t_mag: Array, mag: Array, rests: list[Rest], up: lis
     )
     fit = _dip_fit(y, mean, np.array([up[k] for k in used]), noise, noise / np.sqrt(count))
     if not fit.sd[:9].max() < SEEN[MAG]:
-        return "the magnetometer: it was not turned through all directions"
+        return phrase("sensor.unobserved_mag_directions")
     # strength of the field: the readings' own mean
     M, scale = (
         fit.x[:9].reshape(3, 3),

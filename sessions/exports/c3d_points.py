@@ -17,6 +17,7 @@ from handscope.estimators.hand import forward_kinematics as kinematics
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import FINGER_JOINTS, FINGERS, IS_DOF, JOINT, JOINTS
 from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.sessions.exports.measured import Exported, Measured
@@ -36,7 +37,7 @@ def write(measured: Measured) -> Exported:
         else:
             absent.append(label)
     if absent:
-        notices.append(f"not measured, so not among the points: {', '.join(absent)}")
+        notices.append(phrase("export.not_among_points", names=", ".join(absent)))
     angles = [j.name for j in JOINTS if np.isfinite(moved.angles[:, JOINT[j.name]]).any()]
     for name in angles:
         free = IS_DOF[JOINT[name]]

@@ -17,6 +17,7 @@ import numpy as np
 from handscope.estimators.hand.anatomy import JOINTS
 from handscope.estimators.measures.assessment import TaskResult
 from handscope.estimators.measures.figure import Figure
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.exports.fhir_codes import SYSTEM, code_system, unit_of
 from handscope.sessions.exports.measured import Exported, Measured, Origin
 
@@ -54,12 +55,16 @@ def write(measured: Measured) -> Exported:
         for entry in bundle["entry"]:
             entry["resource"]["meta"] = {"security": [TEST_DATA]}
     absent = sum(len(t.figures) for t in measured.tasks) - len(found)
-    notices = (
-        [f"{absent} figures of the {side} hand could not be measured; left out"] if absent else []
-    )
+    notices = [_absent(side, absent)] if absent else []
     if not measured.tasks:
-        notices.append("the recording has no task; there are no figures")
+        notices.append(phrase("export.no_task"))
     return Exported({"": json.dumps(bundle, indent=1).encode()}, tuple(notices))
+
+
+def _absent(side: str, count: int) -> str:
+    if side == "left":
+        return phrase("export.figures_absent_left", count=count)
+    return phrase("export.figures_absent_right", count=count)
 
 
 def _entry(resource: Resource, origin: Origin, name: str) -> Resource:

@@ -9,6 +9,7 @@ import numpy as np
 
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import ANGLES, JOINTS, SEGMENT
+from handscope.estimators.messages.sentence import codes_of, phrase
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.sessions.exports.measured import Exported, Measured, Origin
@@ -22,11 +23,13 @@ from handscope.sessions.exports.skeleton import (
 )
 from handscope.sessions.tables_io.trajectory_table import measured_segments
 
+OF_DRAWINGS = frozenset({"export.wrist_neutral", "export.finger_left_out"})  # there are no bones
+
 
 def write(measured: Measured) -> Exported:
     """The three files of a folder."""
     moved, origin = measured.movement, measured.origin
-    notices = [n for n in skeleton(measured).notices if "drawn" not in n and "left out" not in n]
+    notices = [n for n in skeleton(measured).notices if not codes_of(n) & OF_DRAWINGS]
     names, angles = _angles(moved)
     absent = [
         f"{joint.name}_{ANGLES[a]}"
@@ -35,7 +38,7 @@ def write(measured: Measured) -> Exported:
         if f"{joint.name}_{ANGLES[a]}" not in names
     ]
     if absent:
-        notices.append(f"not measured, so no columns of the motion: {', '.join(absent)}")
+        notices.append(phrase("export.not_in_motion", names=", ".join(absent)))
     head = ["handscope", "version=1", f"nRows={len(moved)}", f"nColumns={len(names) + 1}"]
     motion = [*head, "inDegrees=yes", *_facts(origin), "endheader", "\t".join(["time", *names])]
     motion += _rows(moved.t, [[f"{v:.6f}" for v in row] for row in np.degrees(angles).tolist()])

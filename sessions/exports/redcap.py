@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 
 from handscope.estimators.measures.figure import GRADES
+from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.exports.measured import Exported, Measured
 from handscope.sessions.tables_io.spreadsheet import write_table
 
@@ -52,7 +53,7 @@ FIELDS = {  # name: type, label, choices, note, validation
 
 def write(measured: Measured) -> Exported:
     """Both files of a folder."""
-    notices = () if measured.tasks else ("the recording has no task; there are no figures",)
+    notices = () if measured.tasks else (phrase("export.no_task"),)
     return Exported(
         {
             "dictionary.csv": write_table(HEADINGS, _dictionary()),

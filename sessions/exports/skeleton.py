@@ -13,6 +13,7 @@ from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import FINGER_JOINTS, FINGERS, IS_DOF, JOINT, SEGMENT
 from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array, Bools
 from handscope.sessions.exports.measured import Measured
@@ -49,16 +50,14 @@ def skeleton(measured: Measured, evenly: bool = False) -> Skeleton:
     fingers = tuple(f for f in FINGERS if all(ever[JOINT[j]] for j in FINGER_JOINTS[f]))
     absent = [f for f in FINGERS if f not in fingers]
     if absent:
-        notices.append(f"{', '.join(absent)}: not every joint was measured; left out")
+        notices.append(phrase("export.finger_left_out", fingers=", ".join(absent)))
     if not ever[JOINT["wrist"]]:
-        notices.append("wrist: not measured; it is drawn neutral")
+        notices.append(phrase("export.wrist_neutral"))
     joints = [JOINT[j] for f in fingers for j in FINGER_JOINTS[f]]
     whole = np.asarray(known[:, joints].all(axis=(1, 2)))
     missing = 1.0 - float(whole.mean()) if joints and len(moved) else 0.0
     if missing > 0:
-        notices.append(
-            f"{100 * missing:.1f} % of the samples have a joint that is not known; it keeps its nearest known angle"
-        )
+        notices.append(phrase("export.joint_unknown", share=100 * missing))
     angles = np.where(IS_DOF, fill(moved.angles), 0.0)
     return Skeleton(
         moved.t, angles, _forearm(moved, angles), fingers, measured.geometry, tuple(notices)
@@ -76,11 +75,7 @@ def even(moved: Trajectory) -> tuple[Trajectory, list[str]]:
     later = np.clip(np.searchsorted(t, instants), 1, len(t) - 1)
     rows = later - (instants - t[later - 1] < t[later] - instants)
     off = float(np.abs(t[rows] - instants).max())
-    notices = (
-        [f"samples are not evenly spaced; each is up to {1e3 * off:.1f} ms from its instant"]
-        if off > 0.1 * spacing
-        else []
-    )
+    notices = [phrase("export.uneven", off=1e3 * off)] if off > 0.1 * spacing else []
     return moved.at(rows), notices
 
 

@@ -25,6 +25,7 @@ from sqlalchemy import Connection, Engine, create_engine, text
 from sqlalchemy.exc import DBAPIError
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.messages.system import describe
 from handscope.sessions.clinic import audit
 from handscope.sessions.db.tables import now
@@ -225,10 +226,10 @@ def _archive(
                 _put(archive, made, name, _stored_pieces(folder, away, name), zipfile.ZIP_STORED)
             except FileNotFoundError:
                 if name in recordings and recordings[name] is not None:
-                    made.problems.append(f"{name} is missing in the data folder")
+                    made.problems.append(phrase("backup.recording_missing", name=name))
                 continue
             if (sum_ := recordings.get(name)) is not None and made.files[name]["sha256"] != sum_:
-                made.problems.append(f"{name} is not what was recorded: its checksum was {sum_}")
+                made.problems.append(phrase("backup.recording_changed", name=name, sha256=sum_))
         entry = {
             "format": FORMAT,
             "format_version": FORMAT_VERSION,

@@ -18,6 +18,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.messages.system import describe
 
 
@@ -51,7 +52,8 @@ def hold_folder(folder: Path, url: str | None = None) -> Iterator[None]:
         ) from None
     try:
         if not _lock(file):
-            raise InputError(_refusal(f"the data folder {folder}", _read_holder(file)))
+            holder = _read_holder(file) or phrase("store.other_process")
+            raise InputError("store.data_folder_in_use", folder=str(folder), holder=holder)
         os.truncate(file, 0)
         os.lseek(file, 0, os.SEEK_SET)
         os.write(file, _own_name().encode())
@@ -70,10 +72,6 @@ def _read_holder(file: int) -> str:
         os.lseek(file, 0, os.SEEK_SET)
         return os.read(file, 200).decode("utf-8", "replace").strip()
     return ""
-
-
-def _refusal(what: str, holder: str) -> str:
-    return f"{what} is in use by {holder or 'another process'}; stop that server first, or choose another --data folder"
 
 
 def _lock(file: int) -> bool:
@@ -112,4 +110,6 @@ def _require_database(connection: Connection) -> None:
     if connection.scalar(text("SELECT pg_try_advisory_lock(:lock)"), {"lock": SERVER_LOCK}):
         return
     holder = connection.scalar(HOLDERS, {"lock": SERVER_LOCK})
-    raise InputError(_refusal("the database", str(holder or "")))
+    raise InputError(
+        "store.database_in_use", holder=str(holder) if holder else phrase("store.other_process")
+    )

@@ -19,6 +19,8 @@ from sqlalchemy import inspect
 from sqlalchemy.orm import Session
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
+from handscope.estimators.messages.system import describe
 from handscope.sessions.clinic import patients
 from handscope.sessions.db.tables import Base, PatientSession, RecordingFile, now
 from handscope.sessions.hand_photographs import photographs
@@ -125,13 +127,13 @@ def _session(archive: _Archive, store: Store, session: PatientSession) -> Iterat
         try:
             total = archive.put(name, _pieces(stored_files.fetch_local(store, file.file)))
         except InputError as problem:
-            yield f"{name}: {problem}"
+            yield phrase("patient.file_problem", name=name, problem=str(problem))
             continue
         except OSError as problem:
-            yield f"{name}: the recording could not be read from the disk: {problem.strerror}"
+            yield phrase("patient.recording_unreadable", name=name, problem=describe(problem))
             continue
         if file.sha256 is not None and total != file.sha256:
-            yield f"{name}: the recording is not what was kept, its SHA-256 was {file.sha256}"
+            yield phrase("patient.recording_changed", name=name, sha256=file.sha256)
         if file.format == "native":
             yield from _motion_bids(archive, store, file, f"{folder}/motion-bids-{file.id}")
         for result in file.results:

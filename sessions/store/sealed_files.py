@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.messages.system import describe
 from handscope.sessions.sealing.keys import write_new_key
 from handscope.sessions.sealing.stored import create_stored, open_stored
@@ -19,7 +20,7 @@ from handscope.sessions.sealing.stored import create_stored, open_stored
 MAGIC = b"age-encryption.org/"
 ENDING = ".age"
 BUFFER = 2**20  # bytes written at a time
-MISSING = 'encryption is not installed; install it with pip install "handscope[encryption]"'
+MISSING = phrase("sealed.no_package")
 
 
 def is_sealed(path: Path) -> bool:

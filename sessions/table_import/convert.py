@@ -15,6 +15,7 @@ import numpy as np
 from handscope.estimators.data.samples import ACC, GYR, MAG, ORIENTATION, Block, Event, Stream
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import CHAINS
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation.given_orientations import UNIT_NORM
@@ -135,8 +136,8 @@ def _likely_unit(size: float, stated: str) -> str:
     reading = size / FACTORS[ACC][stated]
     for unit, factor in FACTORS[ACC].items():
         if abs(reading * factor / GRAVITY - 1) < GRAVITY_SHARE:
-            return f"this looks like {unit} mapped as {stated}: set the unit to {unit}"
-    return "check the unit and which columns are mapped"
+            return phrase("import.unit_likely", unit=unit, stated=stated)
+    return phrase("import.check_unit")
 
 
 def write_native(

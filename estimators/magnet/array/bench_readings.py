@@ -25,6 +25,7 @@ from handscope.estimators.magnet.model.setup import (
     STRONGEST,
     WEAKEST,
 )
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.intervals import find_runs
 from handscope.estimators.numerics.typing import Array, Bools
@@ -256,23 +257,24 @@ def describe_statistics(names: Sequence[str], statistics: ReadingStatistics) -> 
     """What a user must know before reading the result."""
     messages = []
     if statistics.missing_share > 0.01:
-        messages.append(
-            f"{100 * statistics.missing_share:.0f} % of the readings are missing; nothing is made up for them"
-        )
+        messages.append(phrase("locate.missing", share=100 * statistics.missing_share))
     messages += [
-        f"{name}: an axis always reads the same, it does not answer; its readings are left out"
+        phrase("locate.stuck", name=name)
         for name, is_stuck in zip(names, statistics.is_stuck)
         if is_stuck
     ]
     for k, name in enumerate(names):
         share = float(statistics.is_saturated[:, k].mean())
         if share > 0:
-            messages.append(
-                f"{name}: at its limit {100 * share:.1f} % of the time; these readings are left out"
-            )
+            messages.append(phrase("locate.saturated", name=name, share=100 * share))
         if statistics.hum[k] > 0:
             messages.append(
-                f"{name}: mains hum of {1e6 * statistics.hum[k]:.2g} uT (shows at {statistics.hum_frequency:.3g} Hz); it counts as noise"
+                phrase(
+                    "locate.hum",
+                    name=name,
+                    size=1e6 * statistics.hum[k],
+                    frequency=statistics.hum_frequency,
+                )
             )
     return messages
 

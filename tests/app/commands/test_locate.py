@@ -252,7 +252,7 @@ def test_a_wrong_unit_and_a_wrong_moment_are_named(
     board.write_text(description.replace("0.32", "0.032"))
     assert _located(folder, board)["found"].max() < 0.5
     assert (
-        "the readings contradict the moment told, 0.032 A m^2: without it they are those of a magnet of 0.3"
+        "the readings contradict the declared moment, 0.032 A m^2: without it they are those of a magnet of 0.3"
         in capsys.readouterr().out
     )
     board.write_text(description.replace('"G", "moment": 0.32', '"mT"'))
@@ -266,11 +266,11 @@ def test_a_wrong_unit_and_a_wrong_moment_are_named(
     ]
     assert main([*words, "--turned", str(folder / "turned.csv")]) == 2
     assert (
-        "The unit is told as mT: is it G?" in capsys.readouterr().err
+        "The unit is declared as mT: is it G?" in capsys.readouterr().err
         and not (folder / "no.tsv").exists()
     )
     assert main(words) == 0
-    assert "The unit is told as mT: is it G?" in capsys.readouterr().out
+    assert "The unit is declared as mT: is it G?" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

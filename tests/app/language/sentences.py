@@ -26,6 +26,8 @@ WARNS = {
     "problems",
     "reasons",
     "refused",
+    "notices",
+    "unobserved",
 }  # lists that sentences are appended to
 MAKE = {
     "_warnings",
@@ -36,6 +38,17 @@ MAKE = {
     "wrong_hand_sentence",
     "other_glove_sentence",
     "_sentence",
+    "_losses_to_mend",
+    "_rates_to_mend",
+    "_clock_to_mend",
+    "sensors_to_mend",
+    "_absent",
+    "_ask_for_taps",
+    "shortfalls",
+    "_likely_unit",
+    "_magnetometer",
+    "_explain_failure",
+    "_ask_unit",
 }  # functions that give sentences
 GAP = re.compile(r"\{[^{}]*\}")
 CODE = re.compile(r"[a-z0-9_]+\.[a-z0-9_]+")  # of a message: test_messages.py
