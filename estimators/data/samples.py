@@ -7,7 +7,7 @@ the recording. Values are in each sensor's own frame; NaN is a missing sample.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -136,6 +136,16 @@ class Recording(Protocol):
 
     def blocks(self) -> Iterator[Block]:
         """All samples, streams interleaved, each stream in order."""
+        ...
+
+
+@runtime_checkable
+class WholeRecording(Recording, Protocol):
+    """A recording that holds each of its streams whole, in memory."""
+
+    @property
+    def samples(self) -> Mapping[str, Block]:
+        """By the stream's name."""
         ...
 
 

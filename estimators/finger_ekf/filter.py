@@ -10,7 +10,6 @@ Limits  time-correlated noise is modelled as larger white noise; every chain est
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -271,7 +270,7 @@ def _close_window(
         q_joint,
         P_joints,
     )
-    return replace(state, **_open_window(state), **chains._asdict()), q_joint, P_joints
+    return replace(_open_window(state), **chains._asdict()), q_joint, P_joints
 
 
 def _copies(
@@ -330,19 +329,20 @@ def _commit_window(kernel_params: Array, state: State) -> State:
         ],
         axis=1,
     )
-    return replace(state, **_open_window(state), q_pc=q_pc, field_difference=field_difference, P=P)
+    return replace(_open_window(state), q_pc=q_pc, field_difference=field_difference, P=P)
 
 
-def _open_window(state: State) -> dict[str, Any]:
-    """Fields of a new window that begins with the newest sample."""
+def _open_window(state: State) -> State:
+    """With a new window that begins with the newest sample."""
     J_bias, bias_time, rotation_variance = _zero_window(len(state.q_pc))
-    return {
-        "t": state.newest,
-        "delta_q": _identity_rotations(len(state.q_pc)),
-        "J_bias": J_bias,
-        "bias_time": bias_time,
-        "rotation_variance": rotation_variance,
-    }
+    return replace(
+        state,
+        t=state.newest,
+        delta_q=_identity_rotations(len(state.q_pc)),
+        J_bias=J_bias,
+        bias_time=bias_time,
+        rotation_variance=rotation_variance,
+    )
 
 
 def _identity_rotations(chains: int) -> Array:

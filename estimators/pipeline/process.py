@@ -14,7 +14,7 @@ from handscope.estimators.alignment import (
 from handscope.estimators.data import trajectory
 from handscope.estimators.data.calibration import Calibration, PriorCalibration
 from handscope.estimators.data.findings import Finding, whole_streams
-from handscope.estimators.data.samples import ORIENTATION, Block, Recording
+from handscope.estimators.data.samples import ORIENTATION, Block, Recording, WholeRecording
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.force import fingertip_forces
@@ -77,22 +77,9 @@ def process(
     scales_declared = _limits_known(recording)
     if scales := saturation.find_full_scales(whole_of(recording)):
         recording = saturation.WithFullScales(recording, scales)
-    if solves_whole(method):
-        movement, calibrations, warnings = method.solve(params, recording, progress)
-    else:
-        assert steps_through(method)
-        calibrations, warnings = _calibrations(method, params, recording, calibration_recording)
-        if known is not None:
-            calibrations = [with_known(c, known) for c in calibrations]
-        if isinstance(params, GivenParams):
-            calibrations, fused_elsewhere = rate_orientations(params, calibrations)
-            warnings = [*warnings, *fused_elsewhere]
-        movement = trajectory.join(
-            _with_progress(
-                run(method, params, calibrations, recording), _span(recording), progress
-            ),
-            recording.hand,
-        )
+    movement, calibrations, warnings = _estimate(
+        method, params, recording, calibration_recording, progress, known
+    )
     findings = findings_of(recording, calibrations)
     measured = [b for b in whole_of(recording) if ORIENTATION not in b.stream.quantities]
     if method.CAPABILITIES.needs_pose:
@@ -130,6 +117,29 @@ def process(
     return Processed(
         movement, tuple(calibrations), tuple(dict.fromkeys(messages)), findings, tuple(warnings)
     )
+
+
+def _estimate(
+    method: AnyMethod[P],
+    params: P,
+    recording: Recording,
+    calibration_recording: Recording | None,
+    progress: Callable[[float], None],
+    known: PriorCalibration | None,
+) -> tuple[Trajectory, list[Calibration], list[str]]:
+    """The movement, what it was calibrated with, and what is said of that."""
+    if solves_whole(method):
+        return method.solve(params, recording, progress)
+    assert steps_through(method)
+    calibrations, warnings = _calibrations(method, params, recording, calibration_recording)
+    if known is not None:
+        calibrations = [with_known(c, known) for c in calibrations]
+    if isinstance(params, GivenParams):
+        calibrations, fused_elsewhere = rate_orientations(params, calibrations)
+        warnings = [*warnings, *fused_elsewhere]
+    pieces = run(method, params, calibrations, recording)
+    movement = trajectory.join(_with_progress(pieces, _span(recording), progress), recording.hand)
+    return movement, calibrations, warnings
 
 
 def _calibrations(
@@ -174,12 +184,9 @@ def whole_of(recording: Recording) -> list[Block]:
     """One block a stream; a recording that has them so is not copied."""
     if isinstance(recording, saturation.WithFullScales):
         return [recording.scaled(b) for b in whole_of(recording.recording)]
-    streams = getattr(recording, "samples", None)
-    return [
-        b
-        for b in (whole_streams(list(recording.blocks())) if streams is None else streams.values())
-        if len(b.t)
-    ]
+    if isinstance(recording, WholeRecording):
+        return [b for b in recording.samples.values() if len(b.t)]
+    return [b for b in whole_streams(list(recording.blocks())) if len(b.t)]
 
 
 def _limits_known(recording: Recording) -> bool:
