@@ -29,17 +29,60 @@ Source = AnalysisRecording | LoadedRecording | Recording | str | PathLike[str]
 def load(path: str | PathLike[str], hand: Hand | None = None) -> AnalysisRecording:
     """Read a recording: a native file, or a Motion-BIDS folder or zip.
 
-    `hand` ("left" or "right") is needed only where the recording does not say it. InputError where the file cannot be read.
+    Parameters
+    ----------
+    path
+        Of the file or folder.
+    hand
+        "left" or "right"; needed only where the recording does not say it.
+
+    Returns
+    -------
+    AnalysisRecording
+        Samples in SI units: gyroscopes in rad/s, accelerometers in m/s^2, magnetometers in T, times in s.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read, or nobody says which hand it is.
+
+    Notes
+    -----
+    Formats: docs/recording.md (native) and docs/motion-bids.md.
     """
     return AnalysisRecording(formats_recordings.load(Path(path), hand))
 
 
 def process(recording: Source, method: str | None = None, **options: Any) -> Result:
-    """Run a method (b, m1, m2, ekf, map, ...) over a recording or the path of one; without a name `ekf`, of orientations alone `m2`.
+    """Run a method over a recording.
 
-    `options` are those that `handscope process --method NAME --help` lists, with the same names and units. InputError for an
-    unknown method or option, and for a recording that cannot be calibrated. What the checks of the recording find, and what
-    else is to be known about the result, reaches the caller by `warnings.warn`, too.
+    Parameters
+    ----------
+    recording
+        A recording, or the path of one.
+    method
+        b, m1, m2, ekf, map, ...; without a name `ekf`, of orientations alone `m2`.
+    **options
+        Those that `handscope process --method NAME --help` lists, with the same names and units.
+
+    Returns
+    -------
+    Result
+        Angles, fingertips, figures and report; n samples, joint angles (n, joints, 3) in rad inside.
+
+    Raises
+    ------
+    InputError
+        For an unknown method or option, and for a recording that cannot be calibrated.
+
+    Warns
+    -----
+    UserWarning
+        What the checks of the recording find, and what else is to be known about the result.
+
+    Notes
+    -----
+    Each method names its source: `Result.cite`, docs/methods.
     """
     if method is not None and method not in ALL_METHODS:
         raise InputError("analysis.unknown_method", name=method, methods=", ".join(ALL_METHODS))
@@ -67,13 +110,61 @@ def _once_a_code(made: Processed) -> list[str]:
 def measure(
     recording: Source | Result, task: str | None = None, method: str | None = None, **options: Any
 ) -> Any:
-    """The figures of one task or of all as a table; of a result, or of a recording that is processed for it."""
+    """The figures of tasks as a table.
+
+    Parameters
+    ----------
+    recording
+        A result; or a recording, or the path of one, which is processed for it.
+    task
+        Name of one task, such as "tapping"; without it all.
+    method
+        As for `process`; not used of a result.
+    **options
+        As for `process`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row a figure: value, standard deviation, grade; SI units, named in the row.
+
+    Raises
+    ------
+    InputError
+        For a task that the recording does not have, and as `process` does.
+
+    Notes
+    -----
+    Definitions and their sources: docs/measures.md.
+    """
     result = recording if isinstance(recording, Result) else process(recording, method, **options)
     return result.measures(task)
 
 
 def truth(path: str | PathLike[str], hand: Hand | None = None) -> Movement:
-    """The movement that a simulated recording was made from: it lies beside the samples. InputError where there is none."""
+    """The movement that a simulated recording was made from; it lies beside the samples.
+
+    Parameters
+    ----------
+    path
+        Of the Motion-BIDS folder or zip.
+    hand
+        "left" or "right"; needed only where the recording does not say it.
+
+    Returns
+    -------
+    Movement
+        Angles and fingertips as they truly were.
+
+    Raises
+    ------
+    InputError
+        Where there is no truth beside the samples.
+
+    Notes
+    -----
+    `handscope simulate` writes it: `desc-truth` of docs/motion-bids.md.
+    """
     files = open_files(Path(path))
     names = [n for n in sorted(files) if n.endswith("_desc-truth_motion.tsv")]
     if not names:

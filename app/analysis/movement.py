@@ -22,17 +22,65 @@ class Movement:
         self.trajectory = trajectory  # SI, as every estimator gives it
 
     def angles(self, unit: AngleUnit = "deg") -> Any:
-        """Joint angles by name (`index_pip_flexion`) of every freedom that was measured."""
+        """Joint angles of every freedom that was measured.
+
+        Parameters
+        ----------
+        unit
+            "deg" or "rad".
+
+        Returns
+        -------
+        pandas.DataFrame
+            Indexed by the time in s; a column a freedom, such as `index_pip_flexion` (docs/conventions.md).
+
+        Raises
+        ------
+        InputError
+            For another unit.
+        """
         return _angle_table(self.trajectory, self.trajectory.angles, _scale(unit, "deg", "rad"))
 
     def angles_sd(self, unit: AngleUnit = "deg") -> Any:
-        """Standard deviations of the angles; InputError where the method gives none (`ekf` does)."""
+        """Standard deviations of the angles.
+
+        Parameters
+        ----------
+        unit
+            "deg" or "rad".
+
+        Returns
+        -------
+        pandas.DataFrame
+            Indexed and named as `angles`.
+
+        Raises
+        ------
+        InputError
+            Where the method gives none (`ekf` does), and for another unit.
+        """
         if self.trajectory.angles_sd is None:
             raise InputError("analysis.no_standard_deviations")
         return _angle_table(self.trajectory, self.trajectory.angles_sd, _scale(unit, "deg", "rad"))
 
     def tips(self, unit: LengthUnit = "mm") -> Any:
-        """Fingertips (`index_tip_x`) in the wrist frame."""
+        """Places of the fingertips.
+
+        Parameters
+        ----------
+        unit
+            "mm" or "m".
+
+        Returns
+        -------
+        pandas.DataFrame
+            Indexed by the time in s; `index_tip_x` and the like, in the wrist frame (docs/conventions.md).
+
+        Raises
+        ------
+        InputError
+            For another unit.
+        """
         scale, moved = _scale(unit, "mm", "m"), self.trajectory
         columns = {
             f"{finger}_tip_{axis}": scale * moved.tips[:, f, k]
@@ -43,7 +91,13 @@ class Movement:
         return _indexed(moved, columns)
 
     def to_pandas(self) -> Any:
-        """Everything in one table with the units in the columns' names (`index_pip_flexion_deg`, `index_tip_x_mm`)."""
+        """Everything in one table.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row a sample, the units in the columns' names: `index_pip_flexion_deg`, `index_tip_x_mm`.
+        """
         return frames.frame(frames.movement(self.trajectory))
 
 

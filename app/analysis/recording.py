@@ -46,10 +46,21 @@ class AnalysisRecording:
         thumb_cmc_deg: Sequence[float] | None = None,
         **measured_deg: float,
     ) -> None:
-        """Say when the hand lay in the initial pose, s.
+        """Say when the hand lay in the initial pose.
 
-        `thumb_cmc_deg`: flexion, deviation, pronation of the thumb's CMC joint; None: aligned with the fingers. Other
-        angles that were measured by name, such as `index_mcp_deviation_deg=4` (docs/motion-bids.md).
+        Parameters
+        ----------
+        onset, duration
+            s of the recording.
+        thumb_cmc_deg
+            Flexion, deviation, pronation of the thumb's CMC joint, deg; None: aligned with the fingers.
+        **measured_deg
+            Other angles that were measured, deg, by name: `index_mcp_deviation_deg=4` (docs/motion-bids.md).
+
+        Raises
+        ------
+        InputError
+            For an unknown angle, and for a stretch outside the recording.
         """
         details: dict[str, Any] = dict(measured_deg)
         known = {
@@ -65,11 +76,34 @@ class AnalysisRecording:
         self._add(Event(onset, duration, "initial_pose", details))
 
     def add_task(self, name: str, onset: float, duration: float) -> None:
-        """Say when a task was performed, s; its name chooses the measures (docs/measures.md)."""
+        """Say when a task was performed.
+
+        Parameters
+        ----------
+        name
+            Of the task; it chooses the measures (docs/measures.md).
+        onset, duration
+            s of the recording.
+
+        Raises
+        ------
+        InputError
+            For a stretch outside the recording.
+        """
         self._add(Event(onset, duration, "task", {"task_name": name}))
 
     def check(self) -> Any:
-        """What the checks find, the hand and its poses as they are declared: a table with severity, code, sensors, words and probability without the fault."""
+        """What the checks find, the hand and its poses as they are declared.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row a finding: severity, code, sensors, message, and p_value, the probability of such readings without the fault.
+
+        Notes
+        -----
+        What is checked, and how: docs/checks.md.
+        """
         found = suspicions_of(self.loaded)
         return frames.frame(
             {
@@ -82,7 +116,20 @@ class AnalysisRecording:
         )
 
     def save_bids(self, path: str | PathLike[str], subject: str = "01", task: str = "hand") -> None:
-        """Write it as Motion-BIDS: a folder, or a zip where the name ends so."""
+        """Write it as Motion-BIDS.
+
+        Parameters
+        ----------
+        path
+            Of the folder; of a zip where the name ends so.
+        subject, task
+            Labels of letters and digits, for the files' names.
+
+        Raises
+        ------
+        InputError
+            For a label with other characters, and where the files cannot be written.
+        """
         for name, label in (("subject", subject), ("task", task)):
             if not label.isalnum():
                 raise InputError("analysis.label_form", name=name, label=label)
@@ -116,10 +163,43 @@ def from_arrays(
     mounting: Mapping[str, Sequence[float]] | None = None,
     geometry: Mapping[str, Any] | None = None,
 ) -> AnalysisRecording:
-    """A recording of arrays: `t` (n,) s, `gyr`, `acc`, `mag` (n, sensors, 3), one sensor a name in `segments`.
+    """A recording of arrays.
 
-    `mounting`: q_BS (w, x, y, z) by segment, identity where absent; `geometry`: HandGeometry of docs/motion-bids.md, m. NaN is a missing sample.
+    Parameters
+    ----------
+    t
+        (n,) times in s, each later than the one before.
+    gyr, acc
+        (n, sensors, 3) angular rate and specific force in the sensors' own frames; NaN is a missing sample.
+    segments
+        The segment that each sensor is on, such as "index_proximal" (docs/conventions.md).
+    hand
+        "left" or "right".
+    mag
+        (n, sensors, 3) magnetic field; None: no magnetometers.
+    gyr_unit, acc_unit, mag_unit
+        Of the arrays: rad/s or deg/s; m/s^2, g or mg; T, uT or mG.
+    mounting
+        q_BS (w, x, y, z) by segment: takes vectors from sensor to segment; identity where absent.
+    geometry
+        `HandGeometry` of docs/motion-bids.md, m.
 
+    Returns
+    -------
+    AnalysisRecording
+        The same samples in SI units, without events.
+
+    Raises
+    ------
+    InputError
+        For arrays of another shape, unknown segments or units, and times that do not rise.
+
+    Notes
+    -----
+    Frames and signs: docs/conventions.md.
+
+    Examples
+    --------
     >>> import numpy as np, handscope as hs
     >>> t, still = np.arange(500) / 100, np.zeros((500, 2, 3))
     >>> rec = hs.from_arrays(t, still, still + [1, 0, 0], ["hand", "index_proximal"], "left", acc_unit="g")

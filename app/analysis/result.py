@@ -41,12 +41,34 @@ class Result(Movement):
         return getattr(self.processed, name)
 
     def tasks(self) -> list[TaskResult]:
-        """Every measure of every task, SI."""
+        """Every measure of every task.
+
+        Returns
+        -------
+        list of TaskResult
+            Figures and details in SI units.
+        """
         accuracy = accuracy_of(self.method, self.processed.calibrations)
         return assess(self.trajectory, self.recording.events, self.recording.geometry, accuracy)
 
     def measures(self, task: str | None = None) -> Any:
-        """A row a figure, of one task or of all: value, standard deviation and grade; SI units, named in the row."""
+        """The figures of tasks as a table.
+
+        Parameters
+        ----------
+        task
+            Name of one task; without it all.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row a figure: value, standard deviation and grade; SI units, named in the row.
+
+        Raises
+        ------
+        InputError
+            For a task that the recording does not have.
+        """
         done = self.tasks()
         names = dict.fromkeys(t.task for t in done)
         if task is not None and task not in names:
@@ -55,7 +77,23 @@ class Result(Movement):
         return frames.frame(frames.figures(chosen))[list(COLUMNS)]
 
     def segment_lengths(self, unit: LengthUnit = "mm") -> Any:
-        """A row a segment: length, and its standard deviation where the method found it."""
+        """Lengths that the method used.
+
+        Parameters
+        ----------
+        unit
+            "mm" or "m".
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row a segment: length, and its standard deviation where the method found it.
+
+        Raises
+        ------
+        InputError
+            For another unit.
+        """
         if unit not in ("mm", "m"):
             raise InputError("analysis.unknown_length_unit", unit=unit)
         factor, c = (1e3 if unit == "mm" else 1.0), self.processed.calibrations[0]
@@ -65,7 +103,13 @@ class Result(Movement):
         return frames.frame({**table, "sd": sd, "unit": unit}).set_index("segment")
 
     def cite(self) -> str:
-        """What to write into a paper: software, version, method, options that were changed, and the method's source."""
+        """What to write into a paper.
+
+        Returns
+        -------
+        str
+            Software, version, method, options that were changed, and the method's source.
+        """
         module = ALL_METHODS[self.method]
         changed = [f"{name}={value}" for name, value in changed_options(self.params).items()]
         options = f", {', '.join(changed)}" if changed else ""
@@ -73,7 +117,22 @@ class Result(Movement):
         return f"Handscope {software_version()}, method {self.method}{options}: {module.TITLE}. {source}".strip()
 
     def report(self, path: str | PathLike[str], language: str = "en", patient: str = "") -> None:
-        """Write the report (.pdf or .html); `patient` is a pseudonym, never a name."""
+        """Write the report.
+
+        Parameters
+        ----------
+        path
+            Ends in .pdf or .html.
+        language
+            en, de, ...
+        patient
+            A pseudonym, never a name.
+
+        Raises
+        ------
+        InputError
+            For another ending, an unknown language, and where the file cannot be written.
+        """
         from handscope.app.protocols import load_all
         from handscope.app.report import FORMS, Style
         from handscope.app.report.content import Visit, content
@@ -98,7 +157,27 @@ class Result(Movement):
         save_file(FORMS[target.suffix[1:]](made, Style(language_of(language))), target)
 
     def export(self, name: str, path: str | PathLike[str], pseudonym: str = "") -> list[str]:
-        """Write a format of docs/exports.md; returns what is to be known about it."""
+        """Write files of other programs.
+
+        Parameters
+        ----------
+        name
+            A format of docs/exports.md.
+        path
+            Of the file, or of the folder where the format has several files.
+        pseudonym
+            A code of the patient, never a name.
+
+        Returns
+        -------
+        list of str
+            What is to be known about the files, such as joints that they lack.
+
+        Raises
+        ------
+        InputError
+            For an unknown format, and where the files cannot be written.
+        """
         from handscope.app.exporting.measured import export_processed, gather
         from handscope.app.exporting.saving import require_place, save
         from handscope.sessions.exports import format_of

@@ -86,8 +86,31 @@ SAMPLES: Mapping[str, Sample] = {
 
 
 def make(name: str, folder: str | PathLike[str] = ".") -> Path:
-    """Write one as FOLDER/NAME.zip (Motion-BIDS, the truth beside it) and return its path. InputError for another name.
+    """Write a small simulated recording with its truth, as FOLDER/NAME.zip (Motion-BIDS).
 
+    Parameters
+    ----------
+    name
+        One of `SAMPLES`.
+    folder
+        Where it is written; it must exist.
+
+    Returns
+    -------
+    Path
+        Of the file.
+
+    Raises
+    ------
+    InputError
+        For another name, and where there is no such folder.
+
+    Notes
+    -----
+    Simulated as docs/accuracy.md says; nobody was measured.
+
+    Examples
+    --------
     >>> import handscope as hs
     >>> sorted(hs.samples.SAMPLES)
     ['assessment', 'faults', 'tapping_fast', 'tapping_slow', 'tapping_small']

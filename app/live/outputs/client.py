@@ -16,9 +16,28 @@ OPEN_WAIT = 10.0  # s
 def stream(url: str, token: str, every: bool = False) -> Iterator[Pose]:
     """Poses of a live session until it ends.
 
-    `url` is the server's address (`http://127.0.0.1:8420`), `token` that of a stream of the session. A loop that is
-    slower than the poses gets the newest; with `every` all that were sent, later. InputError where nothing answers,
-    where the token is refused, and where the connection breaks off.
+    Parameters
+    ----------
+    url
+        The server's address, such as `http://127.0.0.1:8420`.
+    token
+        Of a stream of the session.
+    every
+        All poses that were sent, later; without it a loop that is slower than the poses gets the newest.
+
+    Yields
+    ------
+    Pose
+        Time in s, orientations as quaternions (w, x, y, z), joint angles in rad, fingertips in m.
+
+    Raises
+    ------
+    InputError
+        Where nothing answers, where the token is refused, and where the connection breaks off.
+
+    Notes
+    -----
+    What is sent: docs/live-stream.md.
     """
     from websockets.exceptions import ConnectionClosed
     from websockets.sync.client import connect
