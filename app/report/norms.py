@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
+from handscope.app.protocols import with_code
 from handscope.app.report.references import Edition, Source, newest
 
 EDITIONS = 8  # remembered at a time
@@ -80,7 +81,7 @@ def norms(edition: Edition | None = None) -> tuple[Norm, ...]:
             v.get("low"),
             v.get("high"),
             edition.source(v["source"]),
-            v.get("note", ""),
+            with_code(f"norm_note.{v['what']}", v.get("note", "")),
             v.get("part"),
             v.get("task"),
         )

@@ -9,13 +9,17 @@ from pathlib import Path
 
 import pytest
 
+from handscope.app.api.methods import meaning_of
 from handscope.app.language import ENGLISH, Language, languages
 from handscope.app.language.codes import table
 from handscope.app.protocols import load_all, load_free, load_steps
 from handscope.app.protocols.plans import built_in
+from handscope.app.report.norms import norms
+from handscope.estimators.data.options import describe
 from handscope.estimators.errors import InputError
 from handscope.estimators.messages import GAP, Message, Text, english_texts
 from handscope.estimators.messages.sentence import PLAIN, codes_of
+from handscope.estimators.methods import OFFERED
 
 ROOT = Path(__file__).parents[3]
 ROOMS = ("sessions", "estimators", "app")
@@ -94,7 +98,25 @@ def test_every_code_that_is_raised_has_words_and_every_code_is_raised() -> None:
     found = {code for code in english_texts() if any(p.fullmatch(code) for p in found_codes())}
     raised = {code for _, _, code in coded_sites()} | {PLAIN}
     of_tasks = {code for text in task_texts() for code in codes_of(text)}
-    assert raised | found | of_tasks == english_texts().keys()
+    of_norms = {code for norm in norms() for code in codes_of(norm.note)}
+    assert raised | found | of_tasks | of_norms | of_options() == english_texts().keys()
+
+
+def of_options() -> set[str]:
+    """Codes of what the options of the methods that come with the program mean."""
+    methods = [(name, describe(method.Params)) for name, method in OFFERED.items()]
+    texts = {meaning_of(name, option) for name, options in methods for option in options}
+    return {code for text in texts for code in codes_of(text)}
+
+
+def test_every_option_of_a_method_that_a_page_offers_has_a_code() -> None:
+    """A method of somebody else's may have none: its own words are said then."""
+    assert [
+        (name, option.name)
+        for name in ("b", "m1", "m2", "ekf", "map")
+        for option in describe(OFFERED[name].Params)
+        if not codes_of(meaning_of(name, option))
+    ] == []
 
 
 def task_texts() -> list[str]:
@@ -108,6 +130,10 @@ def task_texts() -> list[str]:
 
 def test_every_text_of_our_own_tasks_has_a_code() -> None:
     assert [text for text in task_texts() if not codes_of(text)] == []
+
+
+def test_every_note_of_our_own_norms_has_a_code() -> None:
+    assert [n.note for n in norms() if n.note and not codes_of(n.note)] == []
 
 
 def test_no_sentence_is_raised_where_it_is_written() -> None:
