@@ -102,10 +102,10 @@ def _is_texts(value: Any) -> bool:
 @lru_cache(2000)
 def _recognise(text: str) -> Sentence | None:
     """What is said again is the same text to the letter; nothing else is taken for it."""
-    for pattern in _patterns():
-        if sentence := _read_by(pattern, text):
-            return sentence
     parts = text.split(BETWEEN)
+    for pattern in _patterns():
+        if (len(parts) == 1 or not pattern.is_frame) and (sentence := _read_by(pattern, text)):
+            return sentence
     if len(parts) == 1:
         return None
     each = [_recognise(part) for part in parts]

@@ -11,6 +11,7 @@ from handscope.app.report.sections.other_measures import other_measures
 from handscope.estimators.data.trajectory import FORCE_WORDS, PLACE_WORDS, PlaceFlag
 from handscope.estimators.messages import english_texts
 from handscope.estimators.messages.sentence import join, phrase
+from handscope.sessions.db.earlier_texts import read_back
 from tests.app.report.sections.test_other_measures import trial
 
 ENGLISH = language("en")
@@ -18,7 +19,9 @@ SLIPPED_AND_CARRIED = [phrase("force_flag.slip"), phrase("lift.carried")]
 OLD = "the object slipped; part of the load does not change with the acceleration: something not measured carries the object"
 
 
-@pytest.mark.parametrize("reason", [join(SLIPPED_AND_CARRIED), OLD], ids=["codes", "stored text"])
+@pytest.mark.parametrize(
+    "reason", [join(SLIPPED_AND_CARRIED), read_back(OLD)], ids=["codes", "stored text"]
+)
 def test_a_reason_that_a_person_can_mend_comes_with_what_to_do(reason: str) -> None:
     [section] = other_measures([trial(0, 0.9, "poor", reason)], ENGLISH)
     assert [words.split(":")[0] for words in section["advice"]] == [
@@ -52,7 +55,7 @@ def test_advice_goes_by_codes_whatever_the_words_are() -> None:
 def test_another_magnet_is_put_away_and_no_cup_moved_for_it(stored: bool) -> None:
     doubtful = phrase("measure.share_of_samples", what=PLACE_WORDS[PlaceFlag.DOUBTFUL], share=77.0)
     reason = join([doubtful, PLACE_WORDS[PlaceFlag.OUT_OF_REACH]])
-    told = advice(["".join(reason) if stored else reason], ENGLISH)
+    told = advice([read_back("".join(reason)) if stored else reason], ENGLISH)
     assert len(told) == 1
     assert told[0].startswith("Keep phones, watches, tools and other magnets half a metre")
     assert "nearer to the trunk" in advice([PLACE_WORDS[PlaceFlag.OUT_OF_REACH]], ENGLISH)[0]

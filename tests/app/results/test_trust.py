@@ -6,9 +6,10 @@ from handscope.app.language import languages
 from handscope.app.results.trust import judge_trust, trust_payload
 from handscope.estimators.measures.figure import Figure, Grade
 from handscope.estimators.measures.resting_drift import Drift
+from handscope.estimators.messages.sentence import phrase
 
 EN = languages()["en"]
-LOST, LIMIT = "samples lost on their way", "sensor at its limit"
+LOST, LIMIT = "samples lost on their way", phrase("flag.saturated")
 
 
 def figure(grade: Grade = "good", reason: str = "", value: float = 0.3) -> Figure:
