@@ -3,6 +3,7 @@
 import argparse
 import json
 import os
+import shlex
 import subprocess
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -45,7 +46,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="E",
-        help="of table6, table7 and independent only this one; may be repeated",
+        help="of a reproduction with several experiments only this one; may be repeated",
     )
     parser.add_argument(
         "--minutes",
@@ -99,8 +100,9 @@ def run(arguments: argparse.Namespace) -> int:
             save_folder({file: svg.encode() for file, svg in found[-1].figures.items()}, out)
         if arguments.markdown:
             where = os.path.relpath(out, arguments.markdown) if out else None
-            section, command = as_markdown(found[-1], where), f" {name} --seeds {wanted.seeds}"
-            _write_page(arguments.markdown, name, section, command)
+            _write_page(
+                arguments.markdown, name, as_markdown(found[-1], where), _command(name, wanted)
+            )
     if arguments.markdown and any(f.simulated for f in found):
         _write_page(arguments.markdown, sizes().name, sizes_as_markdown(sizes()), "")
     if arguments.json:
@@ -144,6 +146,12 @@ def _plans(names: Sequence[str], wanted: Wanted) -> dict[str, Sequence[Any]]:
                     f"{name} has none of the experiments {', '.join(wanted.experiments)}"
                 )
     return plans
+
+
+def _command(name: str, wanted: Wanted) -> str:
+    """What was asked for, in the words of the command line."""
+    only = "".join(f" --experiment {shlex.quote(e)}" for e in wanted.experiments)
+    return f" {name} --seeds {wanted.seeds}{only}"
 
 
 def _write_page(folder: Path, name: str, section: str, command: str) -> None:

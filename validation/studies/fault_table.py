@@ -210,10 +210,10 @@ def _alarms(found: Sequence[Found]) -> dict[str, Spread]:
 
 def _setting(results: Sequence[tuple[Trial, Found]]) -> tuple[str, ...]:
     return (
-        f"{len(results)} recordings of other people each, by estimators/simulation and by app/reproduce/outside/free_movement.py, which shares no line with it. Free: {', '.join(FREE)}. Tasks: {', '.join(TASKS)}."
+        f"{len(results)} recordings of other people each, by estimators/simulation and by validation/independent/simulator/free_movement.py, which shares no line with it. Free: {', '.join(FREE)}. Tasks: {', '.join(TASKS)}."
         " The checks see the readings only. "
         + WHAT[0].upper()
         + WHAT[1:]
-        + "; of tasks many sensors hardly turn about the axis at fault, which then costs little and is not told.",
+        + "; of tasks many sensors hardly turn about the axis at fault, which then costs little and is not found.",
         "Found: anything is said of the sensor or the file; named: what is said is what was done.",
     )
