@@ -4,7 +4,7 @@ In      rotations of the four sensors of a chain since the previous sample (fing
 Out     joint rotations at every sample with the covariance of their errors d: q_true = q exp(d)
 Source  Kortier, thesis ch. 2: state (2.3), (2.5); errors (2.15)-(2.22); his q^{ij} is our q_pc with
         i = p, j = c. Between updates the sensors' rotations are preintegrated with their derivatives by the biases (Forster et al. 2017, IEEE Trans Robot 33:1), exactly for piecewise constant rates. Ours: the sensor-to-segment rotation q_SB and the soft-tissue gain are estimated, where the thesis trusts a calibration
-Limits  time-correlated noise is modelled as larger white noise; every chain estimates the hand's sensor for itself
+Limits  time-correlated noise is modelled as larger white noise; every chain estimates the hand's sensor for itself, and only of its bias the thumb's hears from the others (hand_bias.py)
 """
 
 from collections.abc import Iterator
@@ -15,6 +15,7 @@ import numpy as np
 
 from handscope.estimators.data.options import option
 from handscope.estimators.finger_ekf import (
+    hand_bias,
     magnetic_heading,
     preintegration,
     sensor_to_segment,
@@ -75,6 +76,12 @@ class FilterParams(UpdateParams, SensorToSegmentParams, MagnetometerParams):
         "what the pose leaves of a gyroscope's bias beside what its samples' scatter tells: turning that is the same all the time",
         "0.009 fits 16 sensors on a person who stands still best (qmt's full-body example): docs/decisions/0009-sizes-of-errors.md",
         least=1e-6,
+    )
+    shared_bias: bool = option(
+        True,
+        "",
+        "tell the thumb's filter what those of the other fingers learn of the bias of the hand's gyroscope",
+        "ours: docs/decisions/0015-drift-of-the-thumbs-base.md",
     )
 
 
@@ -142,6 +149,8 @@ class State:
     )
     # (F, 3, 2) weighted squared residuals of the forbidden axes, rad^2, and the sum of weights
     compliance_stats: Array
+    is_hand: bool = False  # the chains are the thumb, the four fingers and the wrist of one hand
+    reported: hand_bias.Reported | None = None  # None: nothing yet
 
 
 @dataclass(frozen=True)
@@ -159,6 +168,7 @@ def start(
     free: Bools = IS_FREE,
     limits: Array = LIMITS,
     field_difference_sd: float = 0.0,
+    is_hand: bool = False,
 ) -> State:
     """Initial state from bias_sd (F, 4) rad/s, the mounting prior and the sd (uT) of field differences. A joint starts at the first sample with both its segments."""
     chains = len(free)
@@ -189,6 +199,7 @@ def start(
         nothing,
         nothing,
         np.zeros((chains, 3, 2)),
+        is_hand,
     )
 
 
@@ -226,6 +237,8 @@ def step(params: FilterParams, state: State, samples: Samples) -> tuple[State, E
             state, q_joint[first - 1], P_joints = _close_window(
                 kernel_params, state, samples.acc[first - 1], mag
             )
+            if params.shared_bias and state.is_hand:
+                state = _share_bias(params, state)
             update_rows.append(first - 1)
             P.append(P_joints)
     return state, Estimate(
@@ -271,6 +284,23 @@ def _close_window(
         P_joints,
     )
     return replace(_open_window(state), **chains._asdict()), q_joint, P_joints
+
+
+def _share_bias(params: FilterParams, state: State) -> State:
+    """Tell the thumb's chain what the fingers have learnt of the hand's gyroscope, if it is time."""
+    reported = state.reported
+    if reported is not None and state.t - reported.t < hand_bias.EVERY - 1e-9:
+        return state
+    now = hand_bias.ask(state.t, state.bias, state.P, state.previous_rest_rate)
+    state = replace(state, reported=now)
+    if reported is None:
+        return state
+    gained = hand_bias.gained(reported, now, np.radians(params.bias_walk))
+    thumb = hand_bias.Thumb(*(getattr(state, x)[hand_bias.THUMB] for x in hand_bias.Thumb._fields))
+    chains = {x: getattr(state, x).copy() for x in hand_bias.Thumb._fields}
+    for name, value in hand_bias.corrected(thumb, *gained)._asdict().items():
+        chains[name][hand_bias.THUMB] = value
+    return replace(state, **chains)
 
 
 def _copies(

@@ -114,6 +114,7 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
         _bias_sd(params, calibration)[SENSORS],
         prior,
         field_difference_sd=field_difference_sd,
+        is_hand=True,
     )
     uncertainty = OutputUncertainty(
         np.full((len(JOINTS), 3), np.nan),

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from starlette.testclient import TestClient
 
+from handscope.estimators.finger_ekf import filter as finger_ekf_filter
 from handscope.estimators.finger_ekf import pose_inference
 from tests.app.devices.virtual import virtual_glove
 from tests.first_edition import observed
@@ -54,12 +55,13 @@ def test_a_recording_holds_the_same_samples_and_events(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("method", "options"), [("m2", ()), ("ekf", ("pose_sd=1.45", "pose_inference=false"))]
+    ("method", "options"),
+    [("m2", ()), ("ekf", ("pose_sd=1.45", "pose_inference=false", "shared_bias=false"))],
 )
 def test_a_method_gives_the_derivative_that_was_kept(
     method: str, options: tuple[str, ...], tmp_path: Path
 ) -> None:
-    """With the options of then: what ekf takes a pose to be missed by is another since (decision 0013), and it infers the pose (0014)."""
+    """With the options of then: what ekf takes a pose to be missed by is another since (decision 0013), it infers the pose (0014), and the thumb learns the hand's bias from the fingers (0015)."""
     chosen = [word for option in ("gyr_reading=instant", *options) for word in ("--option", option)]
     run("process", FILES / "wiggle.zip", "--method", method, *chosen, "--out", tmp_path)
     columns, now = observed.read_table(tmp_path)
@@ -191,8 +193,9 @@ def test_the_data_folder_opens_with_all_that_is_in_it(
 def test_curves_and_reports_are_computed_anew_from_the_kept_recordings(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without what ekf infers of a pose since (decision 0014)."""
+    """Without what ekf infers of a pose since (decision 0014) and what fingers tell the thumb (0015)."""
     monkeypatch.setattr(pose_inference, "can_infer", lambda calibration: False)
+    monkeypatch.setattr(finger_ekf_filter, "_share_bias", lambda params, state: state)
     shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
     kept = list((tmp_path / "results").glob("*.npz"))
     for path in kept:

@@ -316,7 +316,7 @@ def test_gaps_leave_no_nan_and_a_long_one_is_less_sure() -> None:
 def test_removing_a_strip_changes_no_bit_of_the_other_fingers(missing: str) -> None:
     whole = in_strips("left")
     part = with_samples(whole, {name: b for name, b in whole.samples.items() if name != missing})
-    params = replace(PARAMS, pose_inference=False)
+    params = replace(PARAMS, pose_inference=False, shared_bias=False)
     expected, moved = _tracked(whole, params), _tracked(part, params)
     own = [JOINT[j.name] for j in JOINTS if not {j.parent, j.child} & _segments(missing)]
     np.testing.assert_array_equal(moved.angles[:, own], expected.angles[:, own])
@@ -325,6 +325,15 @@ def test_removing_a_strip_changes_no_bit_of_the_other_fingers(missing: str) -> N
     np.testing.assert_array_equal(moved.angles_sd[:, own], expected.angles_sd[:, own])
     if missing != "forearm":
         assert np.isnan(moved.tips[:, FINGERS.index(missing)]).all()
+
+
+def test_what_the_fingers_tell_the_thumb_comes_back_to_none_of_them() -> None:
+    """Over movement of the whole hand; where it rests nothing is told."""
+    whole = experiment_in_strips(SensorErrors(), "free")
+    expected, moved = _tracked(whole, replace(PARAMS, shared_bias=False)), _tracked(whole)
+    of_thumb = np.array(["thumb" in j.name for j in JOINTS])
+    np.testing.assert_array_equal(moved.angles[:, ~of_thumb], expected.angles[:, ~of_thumb])
+    assert (moved.angles[:, JOINT["thumb_cmc"]] != expected.angles[:, JOINT["thumb_cmc"]]).any()
 
 
 @pytest.mark.parametrize("missing", ["index", "forearm"])
@@ -342,11 +351,11 @@ def test_a_strip_that_is_missing_in_the_pose_changes_the_others_by_less_than_the
     assert np.nanmax(np.abs(off) / moved.angles_sd[:, own]) < 1
 
 
-def experiment_in_strips(errors: SensorErrors) -> Simulated:
-    """Somebody moves one finger after another; every sensor is misaligned and the pose is missed."""
+def experiment_in_strips(errors: SensorErrors, name: str = "A-F2") -> Simulated:
+    """Somebody moves one finger after another, or all; every sensor is misaligned and the pose is missed."""
     return strips_of(
         record_experiment(
-            experiments.EXPERIMENTS["A-F2"],
+            experiments.EXPERIMENTS[name],
             np.random.default_rng(8),
             errors,
             None,

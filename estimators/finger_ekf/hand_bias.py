@@ -1,0 +1,93 @@
+"""What the fingers learn of the bias of the hand's gyroscope, reported to the thumb's chain.
+
+In      the filter's chains, every one of which estimates the hand's gyroscope for itself
+Out     bias, joints and mounting of the thumb's chain, corrected by what the fingers have learnt since the last time
+Source  the information that an estimate has gained since it was reported last, as in a channel filter: Grime & Durrant-Whyte 1994, Control Eng Pract 2:849. Ours: the mean of
+        the fingers' gains and not their sum, as the errors of the hand's own sensor are in all of them
+Limits  one way, so that nothing comes back to where it is from; a rest of the hand is seen by every chain alike and reported to none
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from handscope.estimators.finger_ekf.sensor_to_segment import (
+    BIASES,
+    FIELD_DIFFERENCE,
+    SENSOR_TO_SEGMENT,
+    SOFT_TISSUE,
+)
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.typing import Array
+
+THUMB, FINGERS = 0, slice(1, 5)  # chains
+HAND = slice(9, 12)  # error states: the bias of a chain's first sensor
+EVERY = 5.0  # s; longer than errors of verticals and joints last, so that gains are of their own
+LEAST = 1e-6  # share of what the thumb's chain knows itself below which a gain is none
+
+
+class Reported(NamedTuple):
+    """What the fingers knew of the hand's bias when they were last asked."""
+
+    t: float  # s
+    bias: Array  # (4, 3) rad/s
+    P: Array  # (4, 3, 3) (rad/s)^2
+    rest_rate: Array  # (4, 3) rad/s, of the hand's newest rest
+
+
+class Thumb(NamedTuple):
+    """Estimates of the thumb's chain and their covariance; filter.State tells shapes and units."""
+
+    q_pc: Array
+    bias: Array
+    q_SB: Array
+    soft_tissue_gain: Array
+    field_difference: Array
+    P: Array
+
+
+def ask(t: float, bias: Array, P: Array, previous_rest_rate: Array) -> Reported:
+    """What the fingers know now; bias (F, 4, 3), P (F, 43, 43), previous_rest_rate (F, 4, 3)."""
+    return Reported(
+        t,
+        bias[FINGERS, 0].copy(),
+        P[FINGERS, HAND, HAND].copy(),
+        previous_rest_rate[FINGERS, 0].copy(),
+    )
+
+
+def gained(before: Reported, now: Reported, bias_walk: float) -> tuple[Array, Array]:
+    """Mean information (3, 3) that the fingers gained on the hand's bias while it walked, and what it says, information times bias (3,); nothing where the hand rested."""
+    if not np.array_equal(before.rest_rate, now.rest_rate, equal_nan=True):
+        return np.zeros((3, 3)), np.zeros(3)
+    walked = bias_walk**2 * (now.t - before.t) * np.eye(3)
+    known, knows = np.linalg.inv(before.P + walked), np.linalg.inv(now.P)
+    information_vector = (knows @ now.bias[..., None] - known @ before.bias[..., None])[..., 0]
+    return (knows - known).mean(axis=0), information_vector.mean(axis=0)
+
+
+def corrected(thumb: Thumb, information: Array, information_vector: Array) -> Thumb:
+    """The thumb's chain after what was gained; directions in which nothing was are left out."""
+    values, vectors = np.linalg.eigh(0.5 * (information + information.T))
+    own = np.linalg.eigvalsh(thumb.P[HAND, HAND])[0]
+    some = values * own > LEAST
+    if not some.any():
+        return thumb
+    H, P = vectors[:, some].T, thumb.P
+    innovation = H @ information_vector / values[some] - H @ thumb.bias[0]
+    PH = P[:, HAND] @ H.T
+    S = H @ PH[HAND] + np.diag(1.0 / values[some])
+    K = np.linalg.solve(S, PH.T).T
+    dx, left = K @ innovation, P - K @ PH.T
+    return Thumb(
+        _turned(thumb.q_pc, dx[:9]),
+        thumb.bias + dx[BIASES].reshape(4, 3),
+        _turned(thumb.q_SB, dx[SENSOR_TO_SEGMENT]),
+        thumb.soft_tissue_gain + dx[SOFT_TISSUE].reshape(3, 3),
+        thumb.field_difference + np.array([dx[FIELD_DIFFERENCE], 0.0]),
+        0.5 * (left + left.T),
+    )
+
+
+def _turned(q: Array, d: Array) -> Array:
+    return quat.normalize(quat.multiply(q, quat.exp(d.reshape(-1, 3))))
