@@ -25,7 +25,7 @@ from handscope.estimators.finger_ekf.chain_state import ChainState, Joints, Wind
 from handscope.estimators.finger_ekf.magnetic_heading import MagnetometerParams
 from handscope.estimators.finger_ekf.measurements import IS_FREE, LIMITS, UpdateParams
 from handscope.estimators.finger_ekf.sensor_to_segment import (
-    FIELD_DIFFERENCE,
+    ERROR,
     SIZE,
     SensorToSegmentParams,
     SensorToSegmentPrior,
@@ -173,8 +173,9 @@ def start(
     """Initial state from bias_sd (F, 4) rad/s, the mounting prior and the sd (uT) of field differences. A joint starts at the first sample with both its segments."""
     chains = len(free)
     P = np.zeros((chains, SIZE, SIZE))
-    P[:, range(9, 21), range(9, 21)] = np.repeat(bias_sd**2, 3, axis=1)
-    P[:, FIELD_DIFFERENCE, FIELD_DIFFERENCE] = field_difference_sd**2
+    of_bias = range(ERROR.bias, ERROR.q_SB)
+    P[:, of_bias, of_bias] = np.repeat(bias_sd**2, 3, axis=1)
+    P[:, ERROR.field_difference, ERROR.field_difference] = field_difference_sd**2
     q_pc, still = np.tile(quat.IDENTITY, (chains, 3, 1)), _identity_rotations(chains)
     known, nothing = np.zeros((chains, 3), bool), np.zeros((chains, 4, 3))
     ended = (-np.inf, -np.inf, still, *_zero_window(chains))

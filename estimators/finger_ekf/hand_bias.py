@@ -12,16 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from handscope.estimators.finger_ekf.sensor_to_segment import (
-    BIASES,
-    FIELD_DIFFERENCE,
-    SENSOR_TO_SEGMENT,
-    SOFT_TISSUE,
+    ERROR,
 )
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
 THUMB, FINGERS = 0, slice(1, 5)  # chains
-HAND = slice(9, 12)  # error states: the bias of a chain's first sensor
+HAND = slice(ERROR.bias, ERROR.bias + 3)  # error states: the bias of a chain's first sensor
 EVERY = 5.0  # s; longer than errors of verticals and joints last, so that gains are of their own
 LEAST = 1e-6  # share of what the thumb's chain knows itself below which a gain is none
 
@@ -80,11 +77,11 @@ def corrected(thumb: Thumb, information: Array, information_vector: Array) -> Th
     K = np.linalg.solve(S, PH.T).T
     dx, left = K @ innovation, P - K @ PH.T
     return Thumb(
-        _turned(thumb.q_pc, dx[:9]),
-        thumb.bias + dx[BIASES].reshape(4, 3),
-        _turned(thumb.q_SB, dx[SENSOR_TO_SEGMENT]),
-        thumb.soft_tissue_gain + dx[SOFT_TISSUE].reshape(3, 3),
-        thumb.field_difference + np.array([dx[FIELD_DIFFERENCE], 0.0]),
+        _turned(thumb.q_pc, dx[: ERROR.bias]),
+        thumb.bias + dx[ERROR.bias : ERROR.q_SB].reshape(4, 3),
+        _turned(thumb.q_SB, dx[ERROR.q_SB : ERROR.soft_tissue]),
+        thumb.soft_tissue_gain + dx[ERROR.soft_tissue : ERROR.field_difference].reshape(3, 3),
+        thumb.field_difference + np.array([dx[ERROR.field_difference], 0.0]),
         0.5 * (left + left.T),
     )
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from handscope.estimators.data.options import option
 from handscope.estimators.finger_ekf.preintegration import MAG_GATE, MAG_NOISE
-from handscope.estimators.finger_ekf.sensor_to_segment import FIELD_DIFFERENCE
+from handscope.estimators.finger_ekf.sensor_to_segment import ERROR
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.small_matrices import variance_of
@@ -115,7 +115,7 @@ def heading_row(
             for c in range(3):
                 H[0, 3 * j + a] += (u[c] - down / (size * size) * b[c]) * R[j, c, a]
     known = variance_of(H[0], P) < KNOWN**2
-    H[0, FIELD_DIFFERENCE] = -1.0 / size
+    H[0, ERROR.field_difference] = -1.0 / size
     noise[0, 0] = 2 * (p[MAG_NOISE] / size) ** 2
     likely = gates and innovation[0] ** 2 < UNLIKELY**2 * (variance_of(H[0], P) + noise[0, 0])
     if known:

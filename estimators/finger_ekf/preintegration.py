@@ -12,7 +12,7 @@ import numpy as np
 
 from handscope.estimators.finger_ekf import sensor_to_segment
 from handscope.estimators.finger_ekf.measurements import ACC_BIAS
-from handscope.estimators.finger_ekf.sensor_to_segment import FIELD_DIFFERENCE
+from handscope.estimators.finger_ekf.sensor_to_segment import ERROR
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined, rowwise
 from handscope.estimators.numerics.kernels import right_jacobian_row
@@ -87,7 +87,7 @@ def propagate_row(
     With q_new = conj(T_p) q T_c and T(b + db) = T exp(J db): dth_new = R(T_c)' dth + J_c db_c -
     R(q_new)' J_p db_p, and a sensor's rotation error e adds e to the joint whose child it is, -R(q_new)' e to the joint whose parent it is.
     """
-    F, G = np.zeros((9, 21)), np.zeros((9, 12))
+    F, G = np.zeros((9, ERROR.q_SB)), np.zeros((9, 12))
     back, R_cp, R_cs, by_parent, row = (
         np.empty(4),
         np.empty((3, 3)),
@@ -103,8 +103,8 @@ def propagate_row(
         quat.matrix_row(back, row, R_cs)
         product(R_cp, J[j], by_parent)
         block(1.0, R_cs, 3 * j, 3 * j, F)
-        block(-1.0, by_parent, 3 * j, 9 + 3 * j, F)
-        block(1.0, J[j + 1], 3 * j, 12 + 3 * j, F)
+        block(-1.0, by_parent, 3 * j, ERROR.bias + 3 * j, F)
+        block(1.0, J[j + 1], 3 * j, ERROR.bias + 3 + 3 * j, F)
         block(-1.0, R_cp, 3 * j, 3 * j, G)
         for a in range(3):
             G[3 * j + a, 3 * j + 3 + a] = 1.0
@@ -124,19 +124,21 @@ def propagate_row(
     for i in range(9):
         for k in range(i + 1):
             of_angles = 0.0
-            for j in range(21):
+            for j in range(ERROR.q_SB):
                 if F[k, j] != 0.0:
                     of_angles += across[i, j] * F[k, j]
             P_new[i, k] = P_new[k, i] = of_angles + of_noise[i, k]
-    for k in range(9, 21):
+    for k in range(ERROR.bias, ERROR.q_SB):
         P_new[k, k] += p[BIAS_WALK] ** 2 * span
     if p[MAG_ERROR] > 0:
         left = np.empty(1)
         field_correlation_row(p, T, left)
         for k in range(P.shape[0]):
-            P_new[FIELD_DIFFERENCE, k] *= left[0]
-            P_new[k, FIELD_DIFFERENCE] *= left[0]
-        P_new[FIELD_DIFFERENCE, FIELD_DIFFERENCE] += 2 * p[MAG_ERROR] ** 2 * (1 - left[0] ** 2)
+            P_new[ERROR.field_difference, k] *= left[0]
+            P_new[k, ERROR.field_difference] *= left[0]
+        P_new[ERROR.field_difference, ERROR.field_difference] += (
+            2 * p[MAG_ERROR] ** 2 * (1 - left[0] ** 2)
+        )
 
 
 @rowwise("(p),(),(s,q),(s,v,v),(s),(j,q),(e,e)->(j,q),(e,e)")

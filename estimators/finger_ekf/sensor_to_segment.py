@@ -9,6 +9,7 @@ Limits  the hand's soft-tissue artefact is counted with the chain's first joint
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,15 +22,21 @@ from handscope.estimators.numerics.kernels import right_jacobian_row
 from handscope.estimators.numerics.small_matrices import block, product
 from handscope.estimators.numerics.typing import Array, Bools
 
-ANGLES, BIASES, SENSOR_TO_SEGMENT, SOFT_TISSUE, FIELD_DIFFERENCE = (
-    slice(0, 9),
-    slice(9, 21),
-    slice(21, 33),
-    slice(33, 42),
-    42,
-)
-# the last: field difference between tip and hand (magnetic_heading.py), unused without magnetometers
-SIZE = 43
+
+class ErrorState(NamedTuple):
+    """First rows of the parts of a chain's error state, three rows each joint or sensor. Turns are on
+    the right: q = q^ exp(dth)."""
+
+    angles: int = 0  # rad, of q_pc of three joints
+    bias: int = 9  # rad/s, of four gyroscopes
+    q_SB: int = 21  # rad, of four sensors on their segments
+    soft_tissue: int = 33  # rad per rad of flexion, of three joints
+    # one row, uT, horizontal, of the field between tip and hand; unused without magnetometers
+    field_difference: int = 42
+
+
+ERROR = ErrorState()
+SIZE = ERROR.field_difference + 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,16 +103,18 @@ def covariance_after_pose(
     # the first joint has that of both sensors
     gain_sd = np.radians(params.skin) / (np.pi / 2) / np.sqrt(3) * np.array([np.sqrt(2), 1.0, 1.0])
     root = _root(prior.covariance)
-    L[:, 21:33, 0:21] = root[:, :12]
-    L[:, range(33, 42), range(33, 42)] = np.repeat(gain_sd, 3)
+    L[:, ERROR.q_SB : ERROR.soft_tissue, 0:21] = root[:, :12]
+    gains = range(ERROR.soft_tissue, ERROR.field_difference)
+    L[:, gains, gains] = np.repeat(gain_sd, 3)
     R_cp = quat.matrix(quat.conjugate(q_pc))
     angles = joint_angles.decompose(q_pc)
     # soft-tissue rotation in the pose
-    soft_tissue_turn = angles[..., FLEXION, None, None] * L[:, 33:42].reshape(chains, 3, 3, 42)
+    soft_tissue_turn = angles[..., FLEXION, None, None] * L[:, gains].reshape(chains, 3, 3, 42)
     for j in range(3):
         up = _upwards(acc[:, j + 1])
         about = up[:, :, None] * up[:, None, :]
-        level, place, gravity = np.eye(3) - about, slice(24 + 3 * j, 27 + 3 * j), 21 + 3 * j
+        own, gravity = ERROR.q_SB + 3 * j, 21 + 3 * j
+        level, place = np.eye(3) - about, slice(own + 3, own + 6)
         pose, tilt = np.zeros((chains, 3, 42)), np.zeros((chains, 3, 42))
         pose[:, :, :21] = joint_angles.axes(angles[:, j]) @ (
             free[:, j, :, None] * root[:, 12 + 3 * j : 15 + 3 * j]
@@ -114,7 +123,7 @@ def covariance_after_pose(
             -gravity_error * level @ R_cp[:, j],
             gravity_error * level,
         )
-        parent = L[:, 21 + 3 * j : 24 + 3 * j] - (soft_tissue_turn[:, j - 1] if j else 0.0)
+        parent = L[:, own : own + 3] - (soft_tissue_turn[:, j - 1] if j else 0.0)
         # dth + m_c: the joint as asked, up to the pose error
         asked = pose + R_cp[:, j] @ parent + soft_tissue_turn[:, j]
         q_SB_rows = np.where(
@@ -192,13 +201,13 @@ def joint_jacobian_row(
         quat.conjugate_row(q[j], inverse)
         quat.matrix_row(inverse, turn, R_cp)
         block(1.0, R_cs, 3 * j, 3 * j, A)
-        block(1.0, of_q_SB[j], 3 * j, 24 + 3 * j, A)
-        block(-flexion[j], of_gain[j], 3 * j, 33 + 3 * j, A)
+        block(1.0, of_q_SB[j], 3 * j, ERROR.q_SB + 3 + 3 * j, A)
+        block(-flexion[j], of_gain[j], 3 * j, ERROR.soft_tissue + 3 * j, A)
         if j == 0:
-            block(-1.0, R_cp, 0, 21, A)
+            block(-1.0, R_cp, 0, ERROR.q_SB, A)
         else:
             product(R_cp, of_q_SB[j - 1], by_parent)
-            block(-1.0, by_parent, 3 * j, 21 + 3 * j, A)
+            block(-1.0, by_parent, 3 * j, ERROR.q_SB + 3 * j, A)
             product(R_cp, of_gain[j - 1], by_parent)
             block(flexion[j - 1], by_parent, 3 * j, 30 + 3 * j, A)
 
@@ -225,17 +234,17 @@ def inject_error(
     """Inject the estimated errors into the means; the reset changes the covariance only in second order."""
     d, q_dx, q_new = np.empty(3), np.empty(4), np.empty(4)
     for i in range(7):
-        q, first = (q_pc[i], 3 * i) if i < 3 else (q_SB[i - 3], 12 + 3 * i)
+        q, first = (q_pc[i], 3 * i) if i < 3 else (q_SB[i - 3], ERROR.q_SB + 3 * (i - 3))
         for a in range(3):
             d[a] = dx[first + a]
         quat.exp_row(d, q_dx, q_dx)
         quat.multiply_row(q, q_dx, q_new)
         quat.normalize_row(q_new, q)
     for i in range(12):
-        bias[i // 3, i % 3] += dx[9 + i]
+        bias[i // 3, i % 3] += dx[ERROR.bias + i]
     for i in range(9):
-        soft_tissue_gain[i // 3, i % 3] += dx[33 + i]
-    field_difference[0] += dx[FIELD_DIFFERENCE]
+        soft_tissue_gain[i // 3, i % 3] += dx[ERROR.soft_tissue + i]
+    field_difference[0] += dx[ERROR.field_difference]
 
 
 def _root(covariance: Array) -> Array:

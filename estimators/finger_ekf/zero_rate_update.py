@@ -12,7 +12,7 @@ import numpy as np
 
 from handscope.estimators.finger_ekf.chain_state import ChainState
 from handscope.estimators.finger_ekf.measurements import CREEPING, REST_RATE
-from handscope.estimators.finger_ekf.sensor_to_segment import SIZE, inject_error
+from handscope.estimators.finger_ekf.sensor_to_segment import ERROR, SIZE, inject_error
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.kalman import correct
@@ -113,10 +113,10 @@ def zero_rate_rows(
             row = 3 * s + a
             noise[row, row] = variance
             if due[s] > 0:
-                innovation[row], H[row, 9 + row] = (
+                innovation[row], H[row, ERROR.bias + row] = (
                     rest_rotation[s, a] / rest_time[s] - bias[s, a],
                     1.0,
                 )
-                known = P[9 + row, 9 + row]
+                known = P[ERROR.bias + row, ERROR.bias + row]
                 if innovation[row] ** 2 > UNLIKELY * (variance + known):
                     noise[row, row] = innovation[row] ** 2 - known

@@ -11,7 +11,7 @@ from handscope.estimators.data.samples import MAG, Block, Stream
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.finger_ekf import filter as finger_ekf_filter
 from handscope.estimators.finger_ekf import magnetic_heading, preintegration
-from handscope.estimators.finger_ekf.sensor_to_segment import FIELD_DIFFERENCE, SIZE
+from handscope.estimators.finger_ekf.sensor_to_segment import ERROR, SIZE
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import IS_DOF, JOINT, SEGMENT
 from handscope.estimators.methods import ekf
@@ -229,7 +229,7 @@ def test_what_fields_differ_by_is_forgotten_over_a_turn() -> None:
         np.tile(quat.exp(np.array([0.0, 2.0, 0.0])), (4, 1)),
     )
     P = np.zeros((SIZE, SIZE))
-    P[FIELD_DIFFERENCE, FIELD_DIFFERENCE] = 0.25
+    P[ERROR.field_difference, ERROR.field_difference] = 0.25
     for T, expected in (
         (still, 0.25),
         (turned, np.exp(-4) * 0.25 + 2 * WITH.mag_error**2 * (1 - np.exp(-4))),
@@ -237,4 +237,4 @@ def test_what_fields_differ_by_is_forgotten_over_a_turn() -> None:
         _, after = preintegration.propagate(
             NUMBERS, 0.0, T, np.zeros((4, 3, 3)), np.zeros(4), np.tile(quat.IDENTITY, (3, 1)), P
         )
-        assert after[FIELD_DIFFERENCE, FIELD_DIFFERENCE] == pytest.approx(expected)
+        assert after[ERROR.field_difference, ERROR.field_difference] == pytest.approx(expected)
