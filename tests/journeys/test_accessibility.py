@@ -155,6 +155,10 @@ def test_station_and_replay(page: Page, server: Server, processed: int) -> None:
             )
             >= 0.55
         )
+    page.set_viewport_size(dict(zip(("width", "height"), PHONE)))
+    light, views = (page.locator(f".{part}").bounding_box() for part in ("recording", "views"))
+    assert light is not None and views is not None and light["y"] + light["height"] <= views["y"]
+    page.set_viewport_size(dict(zip(("width", "height"), SIZES["tablet"])))
     act(page, "continue").click()
     shown(act(page, "start"))
     looked_at(page, "pose")
