@@ -101,10 +101,8 @@ def base_gravity_update(
     """Of the trunk's accelerometer; g_b (3,) is what it reads of gravity."""
     H = np.zeros((3, len(P)))
     block(1.0, skew(g_b), 0, ERROR.th_gb, H)
-    for i in range(3):
-        H[i, ERROR.acc_bias_b + i] = 1.0
-    for i in range(3):
-        scalar_update(P, dx, H[i], acc[i] - x[STATE.acc_bias_b + i] - g_b[i], variance)
+    innovation = acc - x[STATE.acc_bias_b : STATE.acc_bias_b + 3] - g_b
+    accelerometer_update(P, dx, H, ERROR.acc_bias_b, innovation, variance)
 
 
 @inlined
@@ -116,10 +114,19 @@ def target_gravity_update(
     g_t: Array = multiply_transposed(R, g_b)
     block(1.0, skew(g_t), 0, ERROR.th_bt, H)
     block(1.0, multiply_matrices(transpose(R), skew(g_b)), 0, ERROR.th_gb, H)
+    innovation = acc - x[STATE.acc_bias_t : STATE.acc_bias_t + 3] - g_t
+    accelerometer_update(P, dx, H, ERROR.acc_bias_t, innovation, variance)
+
+
+@inlined
+def accelerometer_update(
+    P: Array, dx: Array, H: Array, bias: int, innovation: Array, variance: float
+) -> None:
+    """The three axes of an accelerometer, one after the other; H (3, errors) gets its bias, the errors
+    `bias` and after."""
     for i in range(3):
-        H[i, ERROR.acc_bias_t + i] = 1.0
-    for i in range(3):
-        scalar_update(P, dx, H[i], acc[i] - x[STATE.acc_bias_t + i] - g_t[i], variance)
+        H[i, bias + i] = 1.0
+        scalar_update(P, dx, H[i], innovation[i], variance)
 
 
 @inlined
@@ -167,11 +174,9 @@ def common_acceleration_update(
     common = multiply_transposed(R, f_b - x[STATE.acc_bias_b : STATE.acc_bias_b + 3])
     block(1.0, skew(common), 0, ERROR.th_bt, H)
     block(-1.0, transpose(R), 0, ERROR.acc_bias_b, H)
-    for i in range(3):
-        H[i, ERROR.acc_bias_t + i] = 1.0
     variance = (s.acc_moving + norm_b * 0.1) ** 2 * s.acc_correlation_time / dt
-    for i in range(3):
-        scalar_update(P, dx, H[i], f_t[i] - x[STATE.acc_bias_t + i] - common[i], variance)
+    innovation = f_t - x[STATE.acc_bias_t : STATE.acc_bias_t + 3] - common
+    accelerometer_update(P, dx, H, ERROR.acc_bias_t, innovation, variance)
 
 
 @inlined
