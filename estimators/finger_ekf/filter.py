@@ -297,15 +297,15 @@ def _share_bias(params: FilterParams, state: State) -> State:
     if reported is None:
         return state
     gained = hand_bias.gained(reported, now, np.radians(params.bias_walk))
-    thumb = hand_bias.Thumb(*(getattr(state, x)[hand_bias.THUMB] for x in hand_bias.Thumb._fields))
-    chains = {x: getattr(state, x).copy() for x in hand_bias.Thumb._fields}
-    for name, value in hand_bias.corrected(thumb, *gained)._asdict().items():
-        chains[name][hand_bias.THUMB] = value
-    return replace(state, **chains)
+    chains = hand_bias.Estimates(*_copies(state, hand_bias.Estimates))
+    thumb = hand_bias.Estimates(*(of_all[hand_bias.THUMB] for of_all in chains))
+    for of_all, of_thumb in zip(chains, hand_bias.corrected(thumb, *gained)):
+        of_all[hand_bias.THUMB] = of_thumb
+    return replace(state, **chains._asdict())
 
 
 def _copies(
-    state: State, record: type[ChainState] | type[Joints] | type[Window]
+    state: State, record: type[ChainState | Joints | Window | hand_bias.Estimates]
 ) -> Iterator[Array]:
     """Copies of the state's arrays that a record has, as contiguous floats: what a kernel writes does not reach the state."""
     return (np.array(getattr(state, name), float, order="C") for name in record._fields)

@@ -32,8 +32,8 @@ class Reported(NamedTuple):
     rest_rate: Array  # (4, 3) rad/s, of the hand's newest rest
 
 
-class Thumb(NamedTuple):
-    """Estimates of the thumb's chain and their covariance; filter.State tells shapes and units."""
+class Estimates(NamedTuple):
+    """Means of a chain and the covariance of their errors; filter.State tells shapes and units."""
 
     q_pc: Array
     bias: Array
@@ -63,7 +63,7 @@ def gained(before: Reported, now: Reported, bias_walk: float) -> tuple[Array, Ar
     return (knows - known).mean(axis=0), information_vector.mean(axis=0)
 
 
-def corrected(thumb: Thumb, information: Array, information_vector: Array) -> Thumb:
+def corrected(thumb: Estimates, information: Array, information_vector: Array) -> Estimates:
     """The thumb's chain after what was gained; directions in which nothing was are left out."""
     values, vectors = np.linalg.eigh(0.5 * (information + information.T))
     own = np.linalg.eigvalsh(thumb.P[HAND, HAND])[0]
@@ -76,7 +76,7 @@ def corrected(thumb: Thumb, information: Array, information_vector: Array) -> Th
     S = H @ PH[HAND] + np.diag(1.0 / values[some])
     K = np.linalg.solve(S, PH.T).T
     dx, left = K @ innovation, P - K @ PH.T
-    return Thumb(
+    return Estimates(
         _turned(thumb.q_pc, dx[: ERROR.bias]),
         thumb.bias + dx[ERROR.bias : ERROR.q_SB].reshape(4, 3),
         _turned(thumb.q_SB, dx[ERROR.q_SB : ERROR.soft_tissue]),

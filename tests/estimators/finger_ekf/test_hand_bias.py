@@ -3,7 +3,7 @@
 import numpy as np
 
 from handscope.estimators.finger_ekf import hand_bias
-from handscope.estimators.finger_ekf.hand_bias import HAND, Reported, Thumb
+from handscope.estimators.finger_ekf.hand_bias import HAND, Estimates, Reported
 from handscope.estimators.finger_ekf.sensor_to_segment import SIZE
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
@@ -80,12 +80,12 @@ def test_what_was_told_corrects_all_that_goes_with_the_bias() -> None:
     assert np.linalg.eigvalsh(after.P).min() > -1e-12
 
 
-def _thumb(bias: Array) -> Thumb:
+def _thumb(bias: Array) -> Estimates:
     P = np.zeros((SIZE, SIZE))
     P[HAND, HAND] = START**2 * np.eye(3)
     biases = np.zeros((4, 3))
     biases[0] = bias
-    return Thumb(
+    return Estimates(
         np.tile(quat.IDENTITY, (3, 1)),
         biases,
         np.tile(quat.IDENTITY, (4, 1)),
@@ -95,7 +95,7 @@ def _thumb(bias: Array) -> Thumb:
     )
 
 
-def _seen(thumb: Thumb, bias: Array) -> Thumb:
+def _seen(thumb: Estimates, bias: Array) -> Estimates:
     """The chain after a span of walking and its own look at the bias."""
     P = thumb.P.copy()
     P[HAND, HAND] += WALK**2 * SPAN * np.eye(3)
