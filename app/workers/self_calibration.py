@@ -11,7 +11,7 @@ from typing import Any
 
 from handscope.app.workers.process import DiedError, Send, WorkerProcess, no_context
 from handscope.estimators.errors import InputError
-from handscope.estimators.messages.sentence import phrase
+from handscope.estimators.messages.sentence import join, phrase
 from handscope.sessions.clinic.self_calibrations import FoundCalibration
 from handscope.sessions.files.recording import LoadedRecording
 
@@ -89,7 +89,7 @@ def _outcome(recording: LoadedRecording, progress: Any) -> tuple[str, Any]:
         return "refusal", ENDED
     found = found_calibration(processed.calibrations[0], processed.method_messages)
     return (
-        ("refusal", "; ".join(processed.method_messages) or ENDED)
+        ("refusal", join(processed.method_messages) or ENDED)
         if found is None
         else ("solution", found)
     )
