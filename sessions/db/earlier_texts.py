@@ -88,7 +88,9 @@ def _read_back_keys(data: Any) -> Any:
             else _read_back_keys(value)
             for key, value in data.items()
         }
-    return [_read_back_keys(value) for value in data] if isinstance(data, list) else data
+    if isinstance(data, list) and any(isinstance(value, Mapping | list) for value in data):
+        return [_read_back_keys(value) for value in data]
+    return data  # the numbers of a curve are many: none is looked at
 
 
 def _read_back_each(texts: Any) -> Any:
