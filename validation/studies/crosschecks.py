@@ -394,7 +394,7 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Result]]) -> Finding:
     )
     remarks = [f"{t.kind}, seed {t.seed}: {', '.join(r.clean)}." for t, r in results if r.clean]
     silent = [
-        f"{name} ({size:g} {FAULTS[name][3]}), {t.kind}, seed {t.seed}: {cost:.1f} times the clean error and no word."
+        f"{_with_size(name, size)}, {t.kind}, seed {t.seed}: {cost:.1f} times the clean error and no word."
         for t, r in results
         for (name, size), (found, cost) in r.found.items()
         if not found and cost > COSTLY
@@ -418,7 +418,7 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Result]]) -> Finding:
 def _sizes(results: Sequence[tuple[Trial, Result]]) -> Table:
     """Share found of each fault and size, of all recordings and of those in which it costs something."""
     rows = []
-    for name, (sizes, _, _, unit) in FAULTS.items():
+    for name, (sizes, _, _, _) in FAULTS.items():
         for size in sizes:
             seen = [r.found[name, size] for _, r in results if (name, size) in r.found]
             costly = [100.0 * found for found, cost in seen if cost > COSTLY]
@@ -426,8 +426,13 @@ def _sizes(results: Sequence[tuple[Trial, Result]]) -> Table:
                 columns = {"all": spread(100.0 * found for found, _ in seen)} | (
                     {"costly": spread(costly)} if costly else {}
                 )
-                rows.append(Row(f"{name} {size:g} {unit}".removesuffix(" 1 "), columns))
+                rows.append(Row(_with_size(name, size), columns))
     return Table("Found, % of recordings", ("all", "costly"), tuple(rows), over="recordings")
+
+
+def _with_size(name: str, size: float) -> str:
+    """A fault as rows and remarks name it; some have no size."""
+    return f"{name} {size:g} {FAULTS[name][3]}".removesuffix(" 1 ")
 
 
 def _shares(results: Sequence[tuple[Trial, Result]]) -> list[Table]:
