@@ -71,18 +71,19 @@ def sees_session(db: Session, account: str, session: int) -> bool:
     return row is not None and visibility.covers(row.patient.ward_id, row.patient_id)
 
 
+def sees_now(store: Store, account: str, session: int) -> bool:
+    """The same, asked of the database at once, for what lasts longer than a request."""
+    with store.database() as db:
+        return sees_session(db, account, session)
+
+
 async def wait_until_hidden(store: Store, account: str, session: int, every: float) -> None:
     """Return once the account no longer sees the session, asked every so many seconds; a database that is away hides nothing."""
-
-    def is_seen() -> bool:
-        with store.database() as db:
-            return sees_session(db, account, session)
-
     seen = True
     while seen:
         await asyncio.sleep(every)
         with contextlib.suppress(DBAPIError, PoolTimeout):
-            seen = await to_thread.run_sync(is_seen)
+            seen = await to_thread.run_sync(sees_now, store, account, session)
 
 
 def session_of_station(connection: HTTPConnection, name: str) -> int | None:

@@ -18,7 +18,7 @@ from starlette.websockets import WebSocketDisconnect, WebSocketState
 
 from handscope.app.auth.gate import CHECK_EVERY
 from handscope.app.auth.roles import CLINICIAN, RequesterDep, requester, requires_role
-from handscope.app.auth.ward_access import sees_session, wait_until_hidden
+from handscope.app.auth.ward_access import sees_now, wait_until_hidden
 from handscope.app.devices.relay.live_relay import RelayEnd
 from handscope.app.devices.relay.messages import (
     MOST_WAITING,
@@ -76,8 +76,7 @@ async def relay(websocket: WebSocket) -> None:
 def _is_visible(websocket: WebSocket, session: int) -> bool:
     """Whether the account sees the session's patient now; a database that is away takes nothing from whoever had it."""
     try:
-        with parts(websocket).store.database() as db:
-            return sees_session(db, requester(websocket).name, session)
+        return sees_now(parts(websocket).store, requester(websocket).name, session)
     except (DBAPIError, PoolTimeout):
         return True
 

@@ -13,7 +13,7 @@ from handscope.app.api.wards.ward_routes import require_member
 from handscope.app.auth.gate import CHECK_EVERY
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import ANYBODY, CLINICIAN, RequesterDep, requires_role
-from handscope.app.auth.ward_access import sees_session, wait_until_hidden
+from handscope.app.auth.ward_access import sees_now, wait_until_hidden
 from handscope.app.live.outputs import lsl_outlet, pose_message
 from handscope.app.live.outputs.permits import Permit
 from handscope.app.live.station import Station
@@ -86,7 +86,7 @@ async def stream_poses(websocket: WebSocket) -> None:
         return
     try:
         station = all_parts.stations.get(permit.station)
-        if not await to_thread.run_sync(_is_still_granted, all_parts, session_of(station), permit):
+        if not await to_thread.run_sync(sees_now, all_parts.store, permit.by, session_of(station)):
             await websocket.close(REFUSED, "who made the stream does not see this session any more")
             return
         assert isinstance(station, Station)
@@ -103,12 +103,6 @@ async def stream_poses(websocket: WebSocket) -> None:
         pass  # the client has left
     finally:
         all_parts.permits.leave(permit)
-
-
-def _is_still_granted(all_parts: Parts, session: int, permit: Permit) -> bool:
-    """Whether the account that made the stream sees the session now."""
-    with all_parts.store.database() as db:
-        return sees_session(db, permit.by, session)
 
 
 async def _end_when_not_granted(all_parts: Parts, station: Station, permit: Permit) -> None:

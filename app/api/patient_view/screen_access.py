@@ -11,7 +11,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.requests import HTTPConnection
 
 from handscope.app.auth.gate import CHECK_EVERY, cookie_name
-from handscope.app.auth.ward_access import sees_session
+from handscope.app.auth.ward_access import sees_now
 from handscope.app.live.patient_view.invitations import Screen
 from handscope.app.live.station import Station
 from handscope.app.state import Parts, parts
@@ -72,8 +72,7 @@ def is_granted(all_parts: Parts, screen: Screen) -> bool:
     station = station_of(all_parts, screen)
     if station is None:
         return True
-    with all_parts.store.database() as db:
-        return sees_session(db, screen.by, station.setup.session)
+    return sees_now(all_parts.store, screen.by, station.setup.session)
 
 
 async def _wait_for_end(all_parts: Parts, screen: Screen) -> None:
