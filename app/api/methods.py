@@ -6,9 +6,10 @@ from typing import Any
 from fastapi import APIRouter
 
 from handscope.app.auth.roles import EVERY_ACCOUNT, requires_role
-from handscope.app.protocols import offered, with_code
+from handscope.app.protocols import offered
 from handscope.app.state import LanguageDep, PartsDep
 from handscope.estimators.data.options import Description, describe
+from handscope.estimators.messages.sentence import with_code
 from handscope.estimators.methods import DEFAULT, OFFERED
 
 router = APIRouter(tags=["methods"], dependencies=[requires_role(*EVERY_ACCOUNT)])
@@ -32,7 +33,7 @@ def list_methods(language: LanguageDep) -> list[dict[str, Any]]:
 
 
 def meaning_of(method: str, option: Description) -> str:
-    """What an option means, with its code where it is of a method of this folder; else its own words."""
+    """What an option means, with its code where it has one; else its own words."""
     shared = with_code(f"method_option.{option.name}", option.meaning)
     return with_code(f"method_option.{method}_{option.name}", shared)
 

@@ -20,8 +20,7 @@ from handscope.app.protocols.lines import line_of
 from handscope.estimators.data.samples import TRACKED_POINTS
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import CHAINS, DOF_NAMES, FINGERS
-from handscope.estimators.messages import english_texts
-from handscope.estimators.messages.sentence import phrase
+from handscope.estimators.messages.sentence import phrase, with_code
 from handscope.estimators.messages.system import describe
 
 Word = Annotated[str, Field(pattern="^[a-z][a-z0-9_]*$", max_length=60)]
@@ -253,11 +252,6 @@ def _with_codes(p: Protocol) -> Protocol:
     title = with_code(f"task_title.{p.name}", p.title)
     instruction = with_code(f"task_instruction.{p.name}", p.instruction)
     return replace(p, title=title, instruction=instruction, cycle=phases, score=score)
-
-
-def with_code(code: str, text: str) -> str:
-    """A text of this folder with its message code; a text without one as it is."""
-    return phrase(code) if english_texts().get(code) == text else text
 
 
 def _fault(file: str, text: str, sentence: str) -> InputError:

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
-from handscope.app.protocols import with_code
 from handscope.app.report.references import Edition, Source, newest
+from handscope.estimators.messages.sentence import with_code
 
 EDITIONS = 8  # remembered at a time
 

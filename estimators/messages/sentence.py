@@ -40,6 +40,11 @@ def phrase(code: str, /, **values: Value) -> str:
     return Sentence(Message(code, values))
 
 
+def with_code(code: str, text: str) -> str:
+    """A text as the `Sentence` of its code where that code has these English words, else the text as it is."""
+    return phrase(code) if english_texts().get(code) == text else text
+
+
 def join(parts: Iterable[str]) -> str:
     """Several in one text, each once, empty ones left out; each keeps its messages."""
     each = [part for part in dict.fromkeys(parts) if part]

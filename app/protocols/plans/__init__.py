@@ -14,8 +14,9 @@ from typing import Annotated, Any
 from pydantic import Field, TypeAdapter, ValidationError
 
 from handscope.app.input_mistakes import describe_mistake
-from handscope.app.protocols import STRICT, Count, Line, Protocol, Seconds, Word, with_code
+from handscope.app.protocols import STRICT, Count, Line, Protocol, Seconds, Word
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import with_code
 
 LARGEST = 40  # tasks of a plan
 Words = Annotated[str, Field(max_length=300)]
