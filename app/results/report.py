@@ -1,9 +1,10 @@
 """The report of a stored result, with what the database knows of the visit now and with what it is compared with."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, cast
 
-from sqlalchemy.orm import object_session
+from sqlalchemy.orm import Session, object_session
 
 from handscope.app.report.changes import Changes, changes, read_as
 from handscope.app.report.content import ComparedWith, Content, GoalReading, LaterHand, Visit
@@ -70,6 +71,9 @@ def report(store: Store, result: Result, number: int | None = None) -> Content:
         pain=_pain(session),
     )
     found = comparisons_of(result, number)
+    db, other = object_session(result), found.stored.other
+    assert db is not None
+    neighbours = records.same_visit(db, session)
     return replace(
         load_report(store, result),
         visit=visit,
@@ -78,30 +82,23 @@ def report(store: Store, result: Result, number: int | None = None) -> Content:
         course=found.course,
         compared=found.compared,
         goals=goal_readings(result),
-        same_visit=_is_same_visit(session, found.stored),
-        later_hand=_later_hand(result),
+        same_visit=other is not None and other.session in {s.id for s in neighbours},
+        later_hand=_later_hand(db, result, neighbours),
     )
 
 
-def _is_same_visit(session: PatientSession, stored: References) -> bool:
-    """Whether the other hand that the figures are compared with was measured just before or after this one."""
-    db = object_session(session)
-    if db is None or stored.other is None:
-        return False
-    return stored.other.session in {s.id for s in records.same_visit(db, session)}
-
-
-def _later_hand(result: Result) -> LaterHand | None:
+def _later_hand(
+    db: Session, result: Result, neighbours: Sequence[PatientSession]
+) -> LaterHand | None:
     """The other hand that was measured after this one in the same visit, by its result that counts now; what the result is compared with stays as it was chosen."""
-    db, session = object_session(result), result.recording.session
-    assert db is not None
-    later = {s.id for s in records.same_visit(db, session) if s.continues_id == session.id}
+    session = result.recording.session
+    later = {s.id for s in neighbours if s.continues_id == session.id}
     found = [c for c in references.candidates(db, result) if c.session in later] if later else []
     if not found:
         return None
-    newest_of = found[-1]
-    made = db.get_one(Result, newest_of.result).created
-    return LaterHand(newest_of.started, newest_of.result, made, newest_of.values)
+    chosen = found[-1]
+    made = db.get_one(Result, chosen.result).created
+    return LaterHand(chosen.started, chosen.result, made, chosen.values)
 
 
 def goal_readings(result: Result) -> tuple[GoalReading, ...]:
