@@ -4,7 +4,6 @@ Everything is a string, a list or a dict of them; user's text stays as it was ty
 """
 
 from collections.abc import Sequence
-from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -30,7 +29,7 @@ from handscope.app.report.sections.trend_section import trend_section
 from handscope.app.report.summary import outcome_words, summary
 from handscope.app.report.tables import data_checksum
 from handscope.app.report.units import DEG, places_of, unit_words, with_unit
-from handscope.app.report.words import device_words
+from handscope.app.report.words import device_words, moment_words
 from handscope.estimators.data.calibration import SensorQuality
 from handscope.estimators.data.samples import FORCE
 
@@ -349,18 +348,14 @@ def _compared(content: Content, language: Language) -> list[list[str]]:
         return []
     other = say(f"other.{'right' if content.hand == 'left' else 'left'}")
     words = [
-        say("compared.before", **_moment(found.before, language))
+        say("compared.before", **moment_words(found.before, language))
         if found.before
         else say("compared.no_before"),
-        say("compared.other", hand=other, **_moment(found.other, language))
+        say("compared.other", hand=other, **moment_words(found.other, language))
         if found.other
         else say("compared.no_other"),
         say("compared.edition", number=found.edition.number),
-        say("compared.version", number=found.number, **_moment(found.made, language)),
+        say("compared.version", number=found.number, **moment_words(found.made, language)),
         *([say("compared.chosen_by", name=found.author)] if found.author else []),
     ]
     return [[say("compared"), language.several(words)]]
-
-
-def _moment(moment: datetime, language: Language) -> dict[str, str]:
-    return {"day": language.day(moment), "hour": language.hour(moment)}

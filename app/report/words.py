@@ -5,6 +5,7 @@ abduction (within it) and rotation; the wrist as flexion, extension, radial and 
 """
 
 from collections.abc import Sequence
+from datetime import datetime
 
 from handscope.app.language import Language
 from handscope.app.report.content import Task
@@ -23,6 +24,11 @@ SIDES = {  # keys of the words of the negative and the positive deviation
 ROTATION = ("supination", "pronation")
 REPEATED = ("tapping", "open_close", "pronation_supination")  # whose figures share their words
 ENDINGS = {"max": "largest", "min": "smallest", "range": "extent"}  # of the names of ranges
+
+
+def moment_words(moment: datetime, language: Language) -> dict[str, str]:
+    """Day and hour, for a text that names both."""
+    return {"day": language.day(moment), "hour": language.hour(moment)}
 
 
 def joint_words(joint: str, language: Language) -> tuple[str, str]:

@@ -1,6 +1,5 @@
 """Both hands of one visit side by side: the figures that a clinician decides by, a table a task."""
 
-from datetime import datetime
 from typing import Any
 
 from handscope.app.language import Language
@@ -9,6 +8,7 @@ from handscope.app.report.content import Content
 from handscope.app.report.progress.importance import rank
 from handscope.app.report.progress.labels import label
 from handscope.app.report.units import places_of, with_unit
+from handscope.app.report.words import moment_words
 from handscope.sessions.clinic.repeatability import Key, Values
 
 SHARE_OF = 1e-9  # SI: a figure of the other hand below it has no share
@@ -50,18 +50,14 @@ def _other_hand(content: Content, language: Language) -> tuple[Values, str] | No
     course, later = content.course, content.later_hand
     if content.same_visit and course is not None and course.other is not None:
         other = course.other
-        return other.values, language.say("both.summary", **_moment(other.started, language))
+        return other.values, language.say("both.summary", **moment_words(other.started, language))
     if later is None:
         return None
-    computed = {f"made_{key}": words for key, words in _moment(later.made, language).items()}
-    moment = _moment(later.started, language)
+    computed = {f"made_{key}": words for key, words in moment_words(later.made, language).items()}
+    moment = moment_words(later.started, language)
     return later.values, language.say(
         "both.summary.later", result=later.result, **moment, **computed
     )
-
-
-def _moment(moment: datetime, language: Language) -> dict[str, str]:
-    return {"day": language.day(moment), "hour": language.hour(moment)}
 
 
 def _row(key: Key, own: Values, other: Values, language: Language) -> list[str]:
