@@ -74,8 +74,10 @@ def store_plan(
     A plan that was withdrawn is in no list: it is offered again with its next version, seen or not.
     """
     plan = plan_of({**new.content, "version": 1}, _tasks(parts.store.folder))
-    before = _newest_version(db, plan.name)
-    if new.seen or not _is_withdrawn(db, plan.name):
+    rows, known = stored.versions(db, plan.name), built_in().get(plan.name)
+    before = max([*(r.version for r in rows), known.version if known else 0])
+    is_withdrawn = bool(rows) and rows[0].withdrawn is not None
+    if new.seen or not is_withdrawn:
         require_seen(phrase("conflict.plan"), before, new.seen)
     row = stored.store(db, content_of(plan), before, requester.name)
     return _row(_plan(row), row, language)
@@ -99,18 +101,6 @@ def find(db: Session, name: str, version: int | None = None) -> tuple[Plan, Asse
     if known is None or version not in (None, known.version):
         raise InputError("plan.unknown", plan=name)
     return known, None
-
-
-def _newest_version(db: Session, name: str) -> int:
-    rows = stored.versions(db, name)
-    known = built_in().get(name)
-    return max([*(r.version for r in rows), known.version if known else 0])
-
-
-def _is_withdrawn(db: Session, name: str) -> bool:
-    """Whether a plan was taken out of the list and nothing was stored after."""
-    rows = stored.versions(db, name)
-    return bool(rows) and rows[0].withdrawn is not None
 
 
 def _plan(row: AssessmentPlan) -> Plan:
