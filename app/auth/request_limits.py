@@ -184,13 +184,17 @@ class BoundedProtocol(H11Protocol):  # type: ignore[misc]  # mypy does not follo
     def data_received(self, data: bytes) -> None:
         self._unread = self._unread + len(data) if self._is_answered_early else 0
         super().data_received(data)
-        self._set_deadline(self._has_half_a_head or self._is_answered_early)
+        self._set_deadline(self._is_unfinished)
         if self._unread > SMALL:
             self.transport.abort()
 
     def on_response_complete(self) -> None:
         super().on_response_complete()
-        self._set_deadline(self._has_half_a_head or self._is_answered_early)
+        self._set_deadline(self._is_unfinished)
+
+    @property
+    def _is_unfinished(self) -> bool:
+        return self._has_half_a_head or self._is_answered_early
 
     @property
     def _has_half_a_head(self) -> bool:
