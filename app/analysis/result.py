@@ -157,7 +157,7 @@ class Result(Movement):
         save_file(FORMS[target.suffix[1:]](made, Style(language_of(language))), target)
 
     def export(self, name: str, path: str | PathLike[str], pseudonym: str = "") -> list[str]:
-        """Write files of other programs.
+        """Write files for other programs.
 
         Parameters
         ----------

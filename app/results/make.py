@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -229,9 +230,9 @@ def page_content(
 
 def _drifts(processed: Processed) -> list[dict[str, Any]]:
     """What seems to drift at rest, from each calibration to the next."""
-    moved, since = processed.trajectory, [c.span[1] for c in processed.calibrations]
-    spans = zip(since, [*since[1:], np.inf])
-    return [asdict(d) for a, b in spans if (d := resting_drift(moved.between(a, b))) is not None]
+    spans = pairwise([*(c.span[1] for c in processed.calibrations), np.inf])
+    found = (resting_drift(processed.trajectory.between(start, stop)) for start, stop in spans)
+    return [asdict(drift) for drift in found if drift is not None]
 
 
 def _repetitions(
