@@ -58,9 +58,9 @@ def gained(before: Reported, now: Reported, bias_walk: float) -> tuple[Array, Ar
     if not np.array_equal(before.rest_rate, now.rest_rate, equal_nan=True):
         return np.zeros((3, 3)), np.zeros(3)
     walked = bias_walk**2 * (now.t - before.t) * np.eye(3)
-    known, knows = np.linalg.inv(before.P + walked), np.linalg.inv(now.P)
-    information_vector = (knows @ now.bias[..., None] - known @ before.bias[..., None])[..., 0]
-    return (knows - known).mean(axis=0), information_vector.mean(axis=0)
+    earlier, newer = np.linalg.inv(before.P + walked), np.linalg.inv(now.P)  # information
+    information_vector = (newer @ now.bias[..., None] - earlier @ before.bias[..., None])[..., 0]
+    return (newer - earlier).mean(axis=0), information_vector.mean(axis=0)
 
 
 def corrected(thumb: Estimates, information: Array, information_vector: Array) -> Estimates:

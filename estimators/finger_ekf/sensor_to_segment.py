@@ -209,7 +209,7 @@ def joint_jacobian_row(
             product(R_cp, of_q_SB[j - 1], by_parent)
             block(-1.0, by_parent, 3 * j, ERROR.q_SB + 3 * j, A)
             product(R_cp, of_gain[j - 1], by_parent)
-            block(flexion[j - 1], by_parent, 3 * j, 30 + 3 * j, A)
+            block(flexion[j - 1], by_parent, 3 * j, ERROR.soft_tissue + 3 * (j - 1), A)
 
 
 @inlined
