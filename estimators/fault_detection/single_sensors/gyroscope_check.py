@@ -190,7 +190,8 @@ def _discrete(
 def _continuous(own: Cells, right: Information, gains: Array) -> Iterator[Verdict]:
     """Gains, cross-axis shares and delays, of one sensor, in every stretch; `gains` (starts, G) are likelihoods of the gains of STARTS."""
     chains = len(right.n)
-    for stretch in stretches(chains):
+    parts = stretches(chains)
+    for stretch in parts:
         as_it_is, span = right.part(stretch), (stretch.start, stretch.stop)
         begin = STARTS[int(np.argmax(gains[:, stretch].sum(axis=1)))]
         none = fit(as_it_is)
@@ -199,7 +200,7 @@ def _continuous(own: Cells, right: Information, gains: Array) -> Iterator[Verdic
             far = code == "gyroscope_gain" and begin != 1.0
             if free.evidence[0] <= none.evidence[0] and not far:
                 continue
-            weight = _weight(code, stretch, chains, len(stretches(chains)))
+            weight = _weight(code, stretch, chains, len(parts))
             if code == "gyroscope_delay":
                 late = Fault(code, (("delay", float(free.x[0, DELAY])),), IDENTITY)
                 evidence = float((free.evidence[0] - none.evidence[0]) / free.repeats[0])
