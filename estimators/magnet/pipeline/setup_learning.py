@@ -21,7 +21,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.magnet.pipeline import hand_position
 from handscope.estimators.magnet.pipeline.hand_position import PlaceParams
 from handscope.estimators.magnet.tracker import tracker as magnet_tracker
-from handscope.estimators.magnet.tracker.state import ERROR
+from handscope.estimators.magnet.tracker.state import ERROR, rows
 from handscope.estimators.numerics.typing import Array
 
 MIN_TRACKED_SHARE = 0.3  # share of the recording over which the hand must be tracked
@@ -99,8 +99,8 @@ def estimate_setup(
         place=_place(estimate.magnet.place),
     )
     moment_sd, place_sd = (
-        np.hypot(sds[ERROR.moment : ERROR.moment + 3], MODEL_SHARE * estimate.magnet.size),
-        np.hypot(sds[ERROR.lever : ERROR.lever + 3], ARM_SD),
+        np.hypot(sds[rows(ERROR.moment)], MODEL_SHARE * estimate.magnet.size),
+        np.hypot(sds[rows(ERROR.lever)], ARM_SD),
     )
     return EstimatedSetup(
         declaration,

@@ -93,7 +93,7 @@ def reset_position(s: NoiseModel, x: Array, P: Array, centre: Array, turn: float
             s.reach_speed**2,
         )
         P[ERROR.th_bt + i, ERROR.th_bt + i] += turn**2
-        x[ERROR.p_bt + i], x[ERROR.v_bt + i] = centre[i], 0.0
+        x[STATE.p_bt + i], x[STATE.v_bt + i] = centre[i], 0.0
 
 
 @inlined

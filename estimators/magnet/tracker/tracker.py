@@ -258,9 +258,9 @@ def _advance(
     params = replace(params, mag_noise=max(params.mag_noise, state.noise))
     usable = _usable_readings(params, state.setup.array, readings)
     first, state = _initialise(params, state, usable)
-    unknown = _unknown_track(state, readings, 0, first, usable.saturated)
     if state.x is None:
-        return state, unknown
+        return state, _unknown_track(state, readings, first, usable.saturated)
+    unknown = _unknown_track(state, readings, first, usable.saturated) if first else None
     usable = _Usable(*(getattr(usable, f.name)[first:] for f in fields(_Usable)))
     recent, still = magnet_standstill.detect_standstill(
         state.recent,
@@ -275,7 +275,7 @@ def _advance(
     track = _to_track(params, state.setup, usable, still, outputs)
     contradicted, track = _extend_doubt(params, state.contradicted, track)
     state = replace(state, recent=recent, contradicted=contradicted)
-    return state, join_tracks([unknown, track]) if first else track
+    return state, track if unknown is None else join_tracks([unknown, track])
 
 
 def _usable_readings(params: MagnetParams, array: Constellation, readings: Readings) -> _Usable:
@@ -357,7 +357,7 @@ def finish(params: MagnetParams, state: State) -> tuple[State, Track]:
     nothing = Readings(
         np.empty(0), np.empty((0, 6)), np.empty((0, 6)), np.empty((0, len(state.setup.array), 3))
     )
-    return state, _unknown_track(state, nothing, 0, 0, np.empty((0, len(state.setup.array)), bool))
+    return state, _unknown_track(state, nothing, 0, np.empty((0, len(state.setup.array)), bool))
 
 
 def track_readings(params: MagnetParams, setup: Setup, readings: Readings) -> Track:
@@ -456,16 +456,13 @@ def select_readings(readings: Readings, rows: slice) -> Readings:
     )
 
 
-def _unknown_track(
-    state: State, readings: Readings, first: int, last: int, saturated: Bools
-) -> Track:
-    """Samples before the filter could start: nothing is known."""
-    n = last - first
+def _unknown_track(state: State, readings: Readings, n: int, saturated: Bools) -> Track:
+    """The first n samples, before the filter could start: nothing is known."""
     v, q = np.full((n, 3), np.nan), np.full((n, 4), np.nan)
     silent = np.full((n, len(state.setup.array)), np.nan)
     never = np.zeros((n, 2), bool)
     return Track(
-        readings.t[first:last],
+        readings.t[:n],
         v,
         v,
         q,
@@ -479,7 +476,7 @@ def _unknown_track(
         v[:, 0],
         v[:, 0],
         v[:, 0],
-        saturated[first:last],
+        saturated[:n],
         never,
         np.ones(n, bool),
     )

@@ -106,7 +106,7 @@ class FilterInputs(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """One of them."""
+    """One sample."""
 
     interval: InertialInterval
     mag: Array  # (L, 3) T
@@ -402,7 +402,7 @@ def measurement_update(
     x, monitor, is_relocated = magnetometer_update(
         s, centre, x, P, kinematics, sample.mag, monitor, dt
     )
-    if interval.noise_inflation < 2.0:
+    if interval.noise_inflation < SILENT_INFLATION:
         x = inertial_update(s, x, P, interval.now, sample.still, lost, dt)
     x = workspace_pseudo_measurement(s, x, P, centre, dt)
     return x, monitor, is_relocated
