@@ -15,7 +15,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from handscope.app.auth.audit_hooks import AuditHooks
 from handscope.app.auth.roles import ANYBODY, Requester, RouteAccess, RouteTable
-from handscope.app.auth.security_headers import secure
+from handscope.app.auth.security_headers import is_over_tls
 from handscope.app.auth.ward_access import OTHER_WARD, is_visible, subjects
 from handscope.app.database_answers import answer_to_database
 from handscope.app.error_body import error_body
@@ -60,7 +60,7 @@ CHECK_EVERY = 15.0  # s between two checks of a web socket's login
 
 def cookie_name(scope: Scope, name: str = COOKIE) -> str:
     """Behind TLS the browser guarantees that the cookie was set by this host over TLS (RFC 6265bis, 4.1.3.2)."""
-    return f"__Host-{name}" if secure(scope) else name
+    return f"__Host-{name}" if is_over_tls(scope) else name
 
 
 def cookie_of(connection: HTTPConnection) -> str | None:
@@ -107,7 +107,7 @@ class Gate:
         changes = scope["type"] == "websocket" or scope["method"] not in SAFE
         if _from_elsewhere(
             connection.headers,
-            f"{'https' if secure(scope) else 'http'}://{host}",
+            f"{'https' if is_over_tls(scope) else 'http'}://{host}",
             scope["type"],
             changes,
         ):

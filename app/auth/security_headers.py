@@ -38,9 +38,9 @@ class SecurityHeaders:
 
 def headers_of(scope: Scope) -> dict[str, str]:
     """The headers of an answer to this request."""
-    return HEADERS | OVER_TLS if secure(scope) else HEADERS
+    return HEADERS | OVER_TLS if is_over_tls(scope) else HEADERS
 
 
-def secure(scope: Scope) -> bool:
+def is_over_tls(scope: Scope) -> bool:
     """Whether the browser speaks TLS, with this server or with a trusted proxy."""
     return scope["scheme"] in ("https", "wss")

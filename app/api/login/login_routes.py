@@ -13,7 +13,7 @@ from handscope.app.auth import passkeys
 from handscope.app.auth.gate import cookie_name, cookie_of
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import ANYBODY, EVERY_ACCOUNT, address_of, requires_role
-from handscope.app.auth.security_headers import secure
+from handscope.app.auth.security_headers import is_over_tls
 from handscope.app.state import Db, PartsDep
 from handscope.app.version import software_version
 from handscope.estimators.errors import InputError
@@ -150,7 +150,7 @@ def log_out(db: Db, parts: PartsDep, request: Request) -> Response:
     response.delete_cookie(
         cookie_name(request.scope),
         path="/",
-        secure=secure(request.scope),
+        secure=is_over_tls(request.scope),
         httponly=True,
         samesite="strict",
     )
@@ -190,7 +190,7 @@ def with_cookie(response: Response, request: Request, cookie: str) -> Response:
         cookie,
         httponly=True,
         samesite="strict",
-        secure=secure(request.scope),
+        secure=is_over_tls(request.scope),
         path="/",
     )
     return response

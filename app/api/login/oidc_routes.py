@@ -21,7 +21,7 @@ from handscope.app.auth.oidc import (
     verify_identity,
 )
 from handscope.app.auth.roles import ANYBODY, requires_role
-from handscope.app.auth.security_headers import secure
+from handscope.app.auth.security_headers import is_over_tls
 from handscope.app.state import Db, PartsDep
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import accounts, audit
@@ -56,7 +56,7 @@ def redirect_to_provider(parts: PartsDep, request: Request) -> Response:
         path="/login/sso",
         httponly=True,
         samesite="lax",
-        secure=secure(request.scope),
+        secure=is_over_tls(request.scope),
     )  # lax: the provider's redirect back must send it
     return response
 

@@ -30,7 +30,7 @@ from handscope.app.api.patient_view.screen_access import (
 from handscope.app.auth.gate import cookie_name
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import ANYBODY, address_of, requires_role
-from handscope.app.auth.security_headers import secure
+from handscope.app.auth.security_headers import is_over_tls
 from handscope.app.live.patient_view.invitations import SCREEN_LIFE, Screen
 from handscope.app.live.patient_view.screen_state import screen_state
 from handscope.app.live.station import Station
@@ -75,7 +75,7 @@ def open_screen(
         max_age=round(SCREEN_LIFE),
         httponly=True,
         samesite="strict",
-        secure=secure(request.scope),
+        secure=is_over_tls(request.scope),
         path="/",
     )
     return {"language": screen.language}
