@@ -9,7 +9,7 @@ from handscope.app.language import Language
 from handscope.app.report.changes import Change, Changes
 from handscope.app.report.content import Task
 from handscope.app.report.sections.range_rows import RangeRow
-from handscope.app.report.units import DEG
+from handscope.app.report.units import DEG, with_unit
 from handscope.app.report.words import (
     ROTATION,
     SIDES,
@@ -127,11 +127,7 @@ def value_words(name: str, value: float, unit: str, language: Language) -> str:
 def amount(value: float, name: str, unit: str, language: Language) -> str:
     """A size in the unit a person reads: "8°", "0.40 per s"."""
     number = language.number(value, 2 if name.endswith("_slope") else DECIMALS.get(unit, 2))
-    return (
-        f"{number}°"
-        if unit == "deg"
-        else f"{number} {language.known(f'unit.{unit}', unit)}".strip()
-    )
+    return with_unit(number, unit, language)
 
 
 def _paragraph(
