@@ -3,8 +3,6 @@
 OpenCV finds the markers; it comes with `pip install "handscope[photograph]"`.
 """
 
-import threading
-import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -22,6 +20,7 @@ from handscope.estimators.photograph import camera as cameras
 from handscope.estimators.photograph.camera import Camera
 from handscope.estimators.photograph.hand_figures import Figures, landmark_heights, measure
 from handscope.estimators.photograph.sheet import RULER, Sheet, sheet_of
+from handscope.sessions.files.silenced import without_warnings
 
 LEAST_MARKERS = 4
 LEAST_SPREAD = 0.4  # of the paper's height, between markers, along the paper and across it
@@ -30,7 +29,6 @@ MOST_TILT = np.radians(35.0)  # ours: the hand's height then moves a joint by tw
 MOST_MISFIT = 1.0e-3  # m, of markers against the sheet: more, and the paper was not flat
 LARGEST = 30 * 2**20  # bytes of a picture
 MOST_PIXELS, LEAST_PIXELS = 60e6, 0.3e6
-_ONE_AT_A_TIME = threading.Lock()
 SHOWN = 2000  # pixels, of the longer side of a picture that is kept
 RULER_RANGE = (0.8, 1.25)  # of its length; no printer scales more by mistake
 EXIF, FOCAL_35MM = 0x8769, 0xA405  # tags of a picture's own description
@@ -107,8 +105,7 @@ def _opened(data: bytes) -> Iterator[Any]:
     from PIL import Image
 
     with (
-        _ONE_AT_A_TIME,  # the filter of warnings is the process's, and uploads are read in threads
-        warnings.catch_warnings(action="ignore"),
+        without_warnings(),
         Image.open(BytesIO(data), formats=("JPEG", "PNG")) as picture,
     ):
         yield picture

@@ -6,7 +6,6 @@ POINT:ANGLES names them. What is not known has the residual -1.
 
 import io
 import json
-import warnings
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.sessions.exports.measured import Exported, Measured
 from handscope.sessions.exports.skeleton import even, rate
+from handscope.sessions.files.silenced import without_warnings
 
 MOST_EVENTS, LONGEST = 255, 127  # that a parameter can hold; letters of a word
 
@@ -89,8 +89,7 @@ def _file(
         pieces = [words[k : k + LONGEST] for k in range(0, len(words), LONGEST)] or [""]
         _words(about, key.upper()[:LONGEST], "what the file rests on", pieces[:MOST_EVENTS])
     buffer = io.BytesIO()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # "No analog data": there is none
+    with without_warnings(UserWarning):  # "No analog data": there is none
         writer.write(buffer)
     return buffer.getvalue()
 

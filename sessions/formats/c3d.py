@@ -5,7 +5,6 @@ What programs write is not always what the format asks for: MarkerReader takes w
 """
 
 import struct
-import warnings
 from os import SEEK_END
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from c3d import Reader
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.pipeline.optical_trajectory import Markers
+from handscope.sessions.files.silenced import without_warnings
 
 SUFFIX = ".c3d"
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
@@ -112,8 +112,7 @@ def read_markers(path: Path) -> Markers:
     if path.stat().st_size > MOST_BYTES:
         raise InputError("c3d.too_large", name=path.name, most_bytes=MOST_BYTES / 2**30)
     try:
-        with path.open("rb") as file, warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with path.open("rb") as file, without_warnings():
             reader = MarkerReader(file)
             names = _labels(reader) if reader.point_used else ()
             points = _frames(reader) if names else np.empty((0, 0, 5))
