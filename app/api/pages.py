@@ -1,6 +1,7 @@
 """The pages: one document whose modules draw what the address names, and the 3-D scene of a station."""
 
 import asyncio
+import gzip
 import time
 from pathlib import Path
 
@@ -9,7 +10,8 @@ from starlette.responses import FileResponse, Response
 
 from handscope import static
 from handscope.app.auth.roles import CLINICIAN, EVERY_ACCOUNT, SCIENTIST, requires_role
-from handscope.app.scene import bridge
+from handscope.app.scene.bridge import bridge
+from handscope.app.scene.viser_page import scene_page
 from handscope.app.state import StationDep, station_of
 from handscope.estimators.errors import InputError
 
@@ -39,23 +41,19 @@ for address in PAGES:
 
 
 @router.get("/scene/{name}/", dependencies=[requires_role(CLINICIAN, SCIENTIST)])
-def scene_page(request: Request, _: StationDep) -> Response:
+def station_scene_page(request: Request, _: StationDep) -> Response:
     """viser's client; it comes back for its web socket under the same address without the last slash."""
     return scene_answer(request)
 
 
 def scene_answer(request: Request) -> Response:
-    """viser's client with its policy."""
-    packed = "gzip" in request.headers.get("accept-encoding", "")
-    headers = {
-        "Content-Security-Policy": bridge.policy(request.headers["host"]),
-        **({"Content-Encoding": "gzip"} if packed else {}),
-    }
-    return Response(
-        bridge.client_page_gzipped() if packed else bridge.client_page(),
-        media_type="text/html",
-        headers=headers,
-    )
+    """viser's client with its policy; packed anew each time, 20 ms, as its nonce is another each time."""
+    page = scene_page(request.headers["host"])
+    headers = {"Content-Security-Policy": page.policy}
+    if "gzip" not in request.headers.get("accept-encoding", ""):
+        return Response(page.html, media_type="text/html", headers=headers)
+    packed = gzip.compress(page.html, mtime=0)
+    return Response(packed, media_type="text/html", headers={**headers, "Content-Encoding": "gzip"})
 
 
 @router.websocket("/scene/{name}", dependencies=[requires_role(CLINICIAN, SCIENTIST)])
@@ -69,4 +67,4 @@ async def scene_socket(websocket: WebSocket, name: str) -> None:
     until = time.monotonic() + OPENING
     while not scene.port and time.monotonic() < until:
         await asyncio.sleep(0.05)
-    await bridge.bridge(websocket, scene.port, scene.secret)
+    await bridge(websocket, scene.port, scene.secret)

@@ -18,9 +18,9 @@ import numpy as np
 from handscope.app.language import Language
 from handscope.app.protocols import Protocol
 from handscope.app.scene import postures, view
-from handscope.app.scene.bridge import without_controls
 from handscope.app.scene.hand_scene import HandScene
 from handscope.app.scene.mesh import bones
+from handscope.app.scene.viser_page import without_controls
 from handscope.estimators.data.samples import Event
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, JOINTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry

@@ -12,6 +12,7 @@ from fastapi import FastAPI, Request, Response, WebSocket
 
 from handscope.app.scene import bridge
 from handscope.app.scene.hand_scene import HandScene
+from handscope.app.scene.viser_page import scene_page
 
 COOKIE = {"name": "session", "value": "known"}
 WAIT = 90.0  # s until a test gives up
@@ -77,16 +78,9 @@ def _app(scene: HandScene, here: Site, with_policy: bool) -> FastAPI:
     def page(request: Request) -> Response:
         if request.cookies.get(COOKIE["name"]) != COOKIE["value"]:
             return Response(status_code=401)
-        headers = (
-            {"Content-Security-Policy": bridge.policy(request.headers["host"])}
-            if with_policy
-            else {}
-        )
-        return Response(
-            bridge.client_page_gzipped(),
-            media_type="text/html",
-            headers={**headers, "Content-Encoding": "gzip"},
-        )
+        page = scene_page(request.headers["host"])
+        headers = {"Content-Security-Policy": page.policy} if with_policy else {}
+        return Response(page.html, media_type="text/html", headers=headers)
 
     @app.websocket(here.path.rstrip("/"))
     async def messages(websocket: WebSocket) -> None:

@@ -1,6 +1,5 @@
 """The bridge: the scene's messages on the application's port, for who is logged in, until either side leaves."""
 
-import gzip
 from typing import Any
 
 import msgspec
@@ -119,37 +118,6 @@ def test_a_viewer_that_does_not_read_holds_nobody_up(scene: HandScene, served: S
             turns(m, "/hand/index", 4, tip) for m in messages_of(reader.recv(timeout=WAIT))
         ):
             pass
-
-
-def test_the_page_is_one_file_with_our_style() -> None:
-    page = bridge.client_page()
-    assert gzip.decompress(bridge.client_page_gzipped()) == page
-    assert (
-        page.count(b"<title>") == 1
-        and b"<title>Hand</title>" in page
-        and b"mantine-Paper-root" in page
-    )
-    assert b'<script src="' not in page and b'rel="stylesheet"' not in page
-
-
-def test_the_policy_lets_the_page_talk_to_its_own_host_only() -> None:
-    rules = dict(rule.split(" ", 1) for rule in bridge.policy("hand.clinic:8443").split("; "))
-    assert rules["default-src"] == "'none'"
-    assert rules["script-src"].count("'sha256-") == 3 and not {
-        "'unsafe-eval'",
-        "'unsafe-inline'",
-        "'self'",
-    } & set(rules["script-src"].split())
-    assert rules["connect-src"] == "'self' data: blob: ws://hand.clinic:8443 wss://hand.clinic:8443"
-    assert "ws://[::1]:8000" in bridge.policy("[::1]:8000")
-
-
-@pytest.mark.parametrize(
-    "host", ["", "a b", "evil; script-src *", "a\r\nx", "ä", "*", "a:b", "http://a"]
-)
-def test_a_host_that_is_none_gets_no_policy(host: str) -> None:
-    with pytest.raises(ValueError, match="is not a host name"):
-        bridge.policy(host)
 
 
 def messages_of(batch: str | bytes) -> list[dict[str, Any]]:
