@@ -1,7 +1,7 @@
 /** What a photograph told, with standard deviations. */
 import { h } from "../dom.js";
 import { jointWords, segmentWords } from "../words/clinical.js";
-import { t } from "../words/words.js";
+import { decimal, t } from "../words/words.js";
 
 /** `rows` are { what, value, sd, unit }: a segment's length, or a joint's deviation. */
 export function figuresTable(rows) {
@@ -11,8 +11,8 @@ export function figuresTable(rows) {
       "tr",
       {},
       h("th", { scope: "row" }, words(what)),
-      h("td", { class: "number" }, `${value.toFixed(1)} ${unit}`),
-      h("td", { class: "number" }, `± ${sd.toFixed(1)} ${unit}`),
+      h("td", { class: "number" }, `${decimal(value, 1)} ${unit}`),
+      h("td", { class: "number" }, `± ${decimal(sd, 1)} ${unit}`),
     ),
   );
   return h("table", {}, h("thead", {}, h("tr", {}, head)), h("tbody", {}, lines));

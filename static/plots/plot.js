@@ -1,6 +1,7 @@
 /** A curve plot in the page's colours: follows its box and the colour scheme; drawn by uPlot. */
 import { watchTheme } from "../theme.js";
 import uPlot from "../vendor/uplot/uPlot.esm.js";
+import { plain } from "../words/words.js";
 
 /**
  * wanted.label    what a screen reader says
@@ -80,7 +81,7 @@ function optionsOf(wanted, root) {
       y: { range: (u, low, high) => yRange(wanted, low, high) },
     },
     axes: [
-      { ...axis, size: 30, ...incrs(wanted.xSteps), values: (u, ticks) => wanted.xTicks?.(ticks) ?? ticks.map(wanted.xWords ?? String) },
+      { ...axis, size: 30, ...incrs(wanted.xSteps), values: (u, ticks) => wanted.xTicks?.(ticks) ?? ticks.map(wanted.xWords ?? plain) },
       {
         ...axis,
         size: wanted.axis ?? 76,

@@ -5,7 +5,7 @@ import { LINES, SETS, chooseSet, curvesAddress } from "../plots/curve_sets.js";
 import { legend } from "../plots/legend.js";
 import { colour, makePlot } from "../plots/plot.js";
 import { curveWords, distinctWords, valueWords } from "../words/clinical.js";
-import { t } from "../words/words.js";
+import { decimal, t } from "../words/words.js";
 import { number, repetition } from "./repetitions.js";
 
 const REASONS = ["helped", "wrong", "interrupted", "slipped", "pain"];
@@ -124,7 +124,7 @@ function slider(end, trial, changed) {
   input.value = end === "from" ? 0 : trial.duration;
   const status = h("output", { class: "where" });
   const element = h("div", {}, field(t(`correct.${end}`), input), status);
-  const words = () => t("correct.seconds", { seconds: Number(input.value).toFixed(1) });
+  const words = () => t("correct.seconds", { seconds: decimal(input.value, 1) });
   return {
     input,
     element,

@@ -3,7 +3,7 @@ import { h } from "../dom.js";
 import { legend } from "../plots/legend.js";
 import { colour, makePlot } from "../plots/plot.js";
 import { labelled } from "../words/joined.js";
-import { decimal } from "../words/words.js";
+import { decimal, plain } from "../words/words.js";
 
 const LINES = [{ colour: "--curve-1" }, { colour: "--curve-2", dash: [8, 5] }];
 const BOUND = { colour: "--curve-1", dash: [2, 4] };
@@ -30,7 +30,7 @@ function draw(row, panel, trial) {
     label: trial ? labelled(trial, panel.title) : panel.title,
     lines: panel.lines.map((line, k) => lineOf(panel, k, names.length > 1)),
     words: (value) => decimal(value, digits),
-    xWords: (value) => (panel.x_unit === "s" ? `${value} s` : String(value)),
+    xWords: (value) => (panel.x_unit === "s" ? `${plain(value)} s` : plain(value)),
     air: 0,
     under: (drawn) => upright(drawn, panel.marks),
   });

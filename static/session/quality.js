@@ -1,7 +1,7 @@
 /** Whether the numbers can be trusted: the answer first, why and what to do; the calibration is folded away. */
 import { h } from "../dom.js";
 import { segmentWords } from "../words/clinical.js";
-import { t } from "../words/words.js";
+import { decimal, t } from "../words/words.js";
 
 const LOOK = { yes: "good", mostly: "fair", no: "poor" };
 
@@ -40,7 +40,7 @@ function calibration(measure) {
     h(
       "p",
       { class: "soft" },
-      t("quality.source", { source: measure.source, sensors: measure.sensors, from: measure.onset.toFixed(1), to: measure.end.toFixed(1) }),
+      t("quality.source", { source: measure.source, sensors: measure.sensors, from: decimal(measure.onset, 1), to: decimal(measure.end, 1) }),
     ),
     h("dl", { class: "facts" }, rows),
   ];

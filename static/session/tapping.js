@@ -2,7 +2,7 @@
 import { h } from "../dom.js";
 import { errorBox } from "../forms.js";
 import { colour, makePlot } from "../plots/plot.js";
-import { decimal, known, t } from "../words/words.js";
+import { decimal, known, plain, t } from "../words/words.js";
 
 export const DECIMALS = {
   count: 0,
@@ -58,12 +58,12 @@ function one(root, api, result, trial, number) {
     h("p", { class: "hint" }, t("tapping.caption")),
     box.element,
   );
-  const mm = (value) => `${value} mm`;
+  const mm = (value) => `${plain(value)} mm`;
   const distance = makePlot(curve, {
     label: t("tapping.curve.label", { count: trial.amplitudes_mm.length }),
     lines: [{ colour: "--curve-1" }],
     words: mm,
-    xWords: (s) => `${s} s`,
+    xWords: (s) => `${plain(s)} s`,
     drawn: (plot) => markClosings(plot, trial.closings),
   });
   const amplitudes = makePlot(bars, {

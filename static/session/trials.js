@@ -1,7 +1,7 @@
 /** Every trial that was done: what counts in the figures, what does not and why, and how to change that. */
 import { h } from "../dom.js";
 import { errorBox, once } from "../forms.js";
-import { clock, dayAndTime, t } from "../words/words.js";
+import { clock, dayAndTime, decimal, t } from "../words/words.js";
 import * as correcting from "./correcting.js";
 
 export function mount(root, api, { session, result, recomputed }) {
@@ -111,7 +111,7 @@ function correctionWords(correction, trial) {
 
 /** A stretch in seconds of the trial. */
 function within(onset, end, trial) {
-  const seconds = (moment) => Math.max(0, moment - trial.onset).toFixed(1);
+  const seconds = (moment) => decimal(Math.max(0, moment - trial.onset), 1);
   return { from: seconds(onset), to: seconds(end) };
 }
 

@@ -2,7 +2,7 @@
 import { h, whenChanged } from "../dom.js";
 import { errorBox, once, select } from "../forms.js";
 import { around } from "./replay_focus.js";
-import { t } from "../words/words.js";
+import { decimal, t } from "../words/words.js";
 
 const SPEEDS = ["0.1", "0.25", "0.5", "1", "2", "4"];
 const JUMP = 1; // s that an arrow key goes
@@ -77,7 +77,7 @@ export function mount(root, api, { station, result, focus, chapters }) {
     drawPlay(pulse);
     at = waiting ?? (busy ? at : pulse.t);
     if (waiting === null && !busy) slider.value = pulse.t;
-    const words = t("replay.time", { now: (pulse.t - start).toFixed(1), all: (stop - start).toFixed(1) });
+    const words = t("replay.time", { now: decimal(pulse.t - start, 1), all: decimal(stop - start, 1) });
     if (where.textContent !== words) where.textContent = words;
     slider.setAttribute("aria-valuetext", words);
   }

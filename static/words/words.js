@@ -6,7 +6,7 @@ const words = (await import(`/languages/${language}.js`)).default;
 export function t(key, values = {}) {
   const text = words[key];
   if (text === undefined) throw new Error(`there are no words for ${key}`);
-  return text.replace(/\{(\w+)\}/g, (whole, name) => localised(values[name] ?? whole));
+  return text.replace(/\{(\w+)\}/g, (whole, name) => filled(values[name] ?? whole));
 }
 
 /** A text where there is one, else `otherwise`. */
@@ -34,13 +34,14 @@ export const day = (moment) => dayForm.format(new Date(moment));
 export const time = (moment) => timeForm.format(new Date(moment));
 export const dayAndTime = (moment) => `${day(moment)}, ${time(moment)}`;
 /** A number with so many decimals. */
-export const decimal = (value, digits) => localised(Number(value).toFixed(digits));
+export const decimal = (value, digits) => Number(value).toFixed(digits).replace(".", POINT);
 export const whole = (number) => wholeForm.format(number);
 
-/** A number with a decimal point in the form of the language: 2.5 is 2,5 in German. */
-function localised(value) {
-  return POINT !== "." && /^-?\d+\.\d+$/.test(value) ? String(value).replace(".", POINT) : value;
-}
+/** A number as it is, with the point of the language: 2.5 is 2,5 in German. */
+export const plain = (number) => String(number).replace(".", POINT);
+
+/** What stands in a gap: a text, such as a version or a code, stays as it is. */
+const filled = (value) => (typeof value === "number" ? plain(value) : value);
 
 /** Seconds as "0:07" or "12:30". */
 export function clock(seconds) {
