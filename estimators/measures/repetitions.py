@@ -14,14 +14,21 @@ LOW, HIGH = 0.3, 0.7
 
 def count(values: Array, least: float) -> int:
     """Repetitions among values (n,), NaN left out: stays beyond the one threshold or beyond the other, whichever were fewer."""
-    known = values[np.isfinite(values)]
+    return len(far_ends(values, least))
+
+
+def far_ends(values: Array, least: float) -> np.ndarray:
+    """Of each repetition the index into values (n,) at which it went furthest; where the movement both began and ended there, the first is none."""
+    known = np.flatnonzero(np.isfinite(values))
     if not len(known):
-        return 0
-    bottom, top = np.percentile(known, [5, 95])
+        return known
+    bottom, top = np.percentile(values[known], [5, 95])
     if top - bottom < least:
-        return 0
-    share = (known - bottom) / (top - bottom)
+        return known[:0]
+    share = (values[known] - bottom) / (top - bottom)
     sides = (share > HIGH).astype(int) - (share < LOW)
-    sides = sides[sides != 0]
-    stays = sides[np.flatnonzero(np.diff(sides, prepend=0))]
-    return int(min(np.count_nonzero(stays > 0), np.count_nonzero(stays < 0)))
+    beyond = np.flatnonzero(sides)
+    stays = np.split(beyond, np.flatnonzero(np.diff(sides[beyond])) + 1)
+    far = [stay for stay in stays if len(stay) and sides[stay[0]] > 0]
+    first = int(2 * len(far) > len(stays))
+    return known[[stay[np.argmax(share[stay])] for stay in far[first:]]]

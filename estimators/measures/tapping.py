@@ -56,7 +56,6 @@ __all__ = [
     "Tapping",
     "applies",
     "count",
-    "find_closings",
     "figures",
     "measure",
     "of_angle",
@@ -269,14 +268,6 @@ def shown(tapping: Tapping) -> PlotData:
     if tapping.stops:
         marks["freeze"] = tapping.stops[0].lasting(tapping.params.freeze)
     return PlotData(tuple(curves), marks)
-
-
-def find_closings(params: Params, t: Array, distance: Array) -> np.ndarray:
-    """Indices of the samples of an even signal at which the fingers close: minima of a distance (n,) in m."""
-    period = float(np.median(np.diff(t)))
-    return cycles.find_closings(
-        params, Even(t, distance, np.isfinite(distance), period), params.smallest
-    )
 
 
 def _measure_signal(

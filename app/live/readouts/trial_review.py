@@ -73,7 +73,7 @@ def review(
         "end": end,
         "curve": curve,
         **_curves(shown, curve),
-        "marks": [round(float(t), 3) for t in _marks(shown.t, values, curve)],
+        "marks": [round(float(t), 3) for t in _marks(results, shown.t, values, curve)],
         "figures": [_figure(r, f, curve, earlier) for r, f in select_figures(results, curve)],
         "fingers": _fingers(results, curve),
         "problem": problem_of(blocks, protocol, curve, values, trial),
@@ -148,21 +148,16 @@ def same_joint(curve: str) -> list[str]:
     return [f"{f}_{rest}" for f in FINGERS[1:] if f"{f}_{rest}" in CURVES]
 
 
-def _marks(t: np.ndarray, values: np.ndarray, curve: str) -> np.ndarray:
-    """When a tap closed, or a movement reached its far end, s."""
-    if len(t) < MOST or not np.isfinite(values).any():
-        return np.empty(0)
-    if curve == "aperture":
-        even = np.arange(t[0], t[-1], 0.01)
-        distance = np.interp(even, t[np.isfinite(values)], values[np.isfinite(values)])
-        return np.asarray(even[tapping.find_closings(tapping.Params(), even, 1e-3 * distance)])
-    bottom, top = np.nanpercentile(values, [5, 95])
-    if top - bottom < LEAST:
-        return np.empty(0)
-    far = (values - bottom) / (top - bottom) > repetitions.HIGH
-    edges = np.flatnonzero(np.diff(far.astype(int), prepend=0, append=0))
-    stays = edges.reshape(-1, 2)
-    return np.array([t[a + int(np.nanargmax(values[a:b]))] for a, b in stays])
+def _marks(
+    results: Sequence[TaskResult], t: np.ndarray, values: np.ndarray, curve: str
+) -> np.ndarray:
+    """When each tap that counts closed, or each repetition that counts reached its far end, s."""
+    if curve != "aperture":
+        return np.asarray(t[repetitions.far_ends(values, LEAST)])
+    tapped = next((r.details for r in results if r.measure == "tapping"), None)
+    if tapped is not None:
+        return tapped.cycles.ends if tapped.cycles else np.empty(0)
+    return next((m["closing"] for r in results if "closing" in (m := r.shown.marks)), np.empty(0))
 
 
 def _figure(

@@ -7,6 +7,7 @@ import pytest
 
 from handscope.app.language import languages
 from handscope.app.live.readouts.trial_review import (
+    LEAST,
     EarlierFigures,
     localised_review,
     problem_of,
@@ -17,6 +18,7 @@ from handscope.app.results.quantity_curve import value_of
 from handscope.estimators.data.samples import Block
 from handscope.estimators.hand.anatomy import FINGERS
 from handscope.estimators.hand.geometry import sized
+from handscope.estimators.measures import repetitions
 from handscope.estimators.simulation.scenario import Simulated, simulate
 from handscope.estimators.simulation.sensors import IDEAL
 
@@ -56,6 +58,29 @@ def test_a_fist_shows_all_four_fingers_three_figures_and_a_mark_a_movement(
     assert first["last"] == pytest.approx(np.degrees(1.0)) and first["other"] is None
     words = localised_review(found, languages()["de"])
     assert words is not None and words["figures"][0]["last"] == "57°"
+
+
+@pytest.mark.parametrize("task", ["tapping", "rom_fist", "open_close"])
+@pytest.mark.parametrize("late", [0.0, 0.13, 1.7])  # s that the trial begins after the movement
+def test_there_is_a_mark_for_every_tap_and_every_repetition_that_is_counted(
+    task: str, late: float
+) -> None:
+    made = simulate(["initial_pose", task], "left", sized("left"), np.random.default_rng(5), IDEAL)
+    onset, end, pauses = trial_of(made)
+    curve = PROTOCOLS[task].curve
+    found = review(
+        made.truth,
+        list(made.samples.values()),
+        PROTOCOLS[task],
+        curve,
+        (onset + late, end, pauses),
+        sized("left"),
+        NOTHING,
+    )
+    shown = value_of(made.truth.between(onset + late, end), curve)
+    counted = found["taps"] if task == "tapping" else repetitions.count(shown, LEAST)
+    assert len(found["marks"]) == counted > 1
+    assert all(onset + late <= mark <= end for mark in found["marks"])
 
 
 def without_some(block: Block, share: float) -> Block:
