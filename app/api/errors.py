@@ -1,4 +1,4 @@
-"""Answers to errors, all in the form `{"error": sentence}`."""
+"""Answers to errors, all in the form `{"error": sentence}`; a person's browser at an address that is none of ours gets the page that says so."""
 
 import logging
 
@@ -7,8 +7,10 @@ from fastapi.exceptions import RequestValidationError
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.exceptions import HTTPException
-from starlette.responses import JSONResponse
+from starlette.responses import JSONResponse, Response
 
+from handscope.app.api.pages import page
+from handscope.app.auth.gate import asks_for_page
 from handscope.app.auth.security_headers import headers_of
 from handscope.app.database_answers import NO_ROOM, answer_to_database, route_of
 from handscope.app.error_body import error_body
@@ -130,7 +132,9 @@ def install(app: FastAPI) -> None:
         return JSONResponse(error_body(sentence, preferred(request)), 422)
 
     @app.exception_handler(HTTPException)
-    async def refused(request: Request, error: HTTPException) -> JSONResponse:
+    async def refused(request: Request, error: HTTPException) -> Response:
+        if error.status_code == 404 and asks_for_page(request) and not _is_of_api(request):
+            return page(404)  # a mistyped address: a way back, not a program's answer
         if is_full(error.__cause__):  # during an upload
             return JSONResponse(error_body(FULL, preferred(request)), NO_ROOM)
         return JSONResponse(
@@ -162,3 +166,7 @@ def install(app: FastAPI) -> None:
         sentence = phrase("server.bug")
         headers = headers_of(request.scope)  # this answer passes no middleware
         return JSONResponse(error_body(sentence, preferred(request)), 500, headers)
+
+
+def _is_of_api(request: Request) -> bool:
+    return request.url.path.startswith("/api/")

@@ -32,8 +32,13 @@ PAGES = (
 )
 
 
+def page(status: int = 200) -> FileResponse:
+    """The document; at an address that is none of ours it says so itself."""
+    return FileResponse(STATIC / "index.html", status)
+
+
 def _page() -> FileResponse:
-    return FileResponse(STATIC / "index.html")
+    return page()
 
 
 for address in PAGES:

@@ -27,7 +27,7 @@ from handscope.sessions.store.logins import find_login, new_token
 from handscope.sessions.store.store import Store
 from handscope.sessions.wards import wards
 
-__all__ = ["COOKIE", "Gate", "cookie_name", "cookie_of", "new_token"]
+__all__ = ["COOKIE", "Gate", "asks_for_page", "cookie_name", "cookie_of", "new_token"]
 COOKIE = "handscope"
 OPEN_FOLDERS = (
     "/static/login/",
@@ -126,7 +126,7 @@ class Gate:
             return None
         requester = self._requester_of(connection)
         if requester is None:
-            if _asks_for_page(connection):
+            if asks_for_page(connection):
                 return RedirectResponse("/login", 303)
             return _answer(connection, 401, STRANGER)
         scope.setdefault("state", {})["requester"] = requester
@@ -135,7 +135,7 @@ class Gate:
         ):
             return _answer(connection, 403, NOT_YOURS)
         if requester.lacks_second_factor and not _is_for_enrolling(scope["path"]):
-            if _asks_for_page(connection):
+            if asks_for_page(connection):
                 return RedirectResponse("/account", 303)
             return _answer(connection, 403, SECOND_FACTOR)
         if not requester.is_of_house and access is not None:
@@ -254,7 +254,7 @@ def _is_open(path: str) -> bool:
     return plain and (path in OPEN_FILES or path.startswith(OPEN_FOLDERS))
 
 
-def _asks_for_page(connection: HTTPConnection) -> bool:
+def asks_for_page(connection: HTTPConnection) -> bool:
     """Whether a person's browser asks for a page."""
     scope = connection.scope
     page = "text/html" in connection.headers.get("accept", "")

@@ -5,7 +5,7 @@ import { t } from "../words/words.js";
 export function mount(root, api, { title }) {
   title(t("missing.title"));
   root.append(
-    h("h1", {}, t("missing.title")),
+    h("div", { class: "head" }, h("h1", {}, t("missing.title"))),
     h("p", {}, t("missing.text")),
     h("a", { class: "button primary", href: "/" }, t("patients.back")),
   );
