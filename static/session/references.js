@@ -14,7 +14,7 @@ export function mount(root, api, { session, result, go }) {
     h("ul", { class: "plain-list" }, h("li", {}, beforeWords(references.before)), h("li", {}, otherWords(references.other, other))),
     h("p", { class: "hint" }, madeWords(references)),
     ...(references.versions.length > 1 ? [field(t("references.version"), versionChoice())] : []),
-    change,
+    h("div", { class: "buttons" }, change),
     place,
     box.element,
   );

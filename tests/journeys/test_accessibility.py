@@ -39,6 +39,22 @@ SMALL = """() => [...document.querySelectorAll("button, .button, select, input:n
     .map((e) => `${e.outerHTML.slice(0, 80)} ${e.getBoundingClientRect().height}`)"""
 
 
+TOUCHING = """() => {
+  const seen = (e) => e.checkVisibility({ visibilityProperty: true }) && !e.closest(".visually-hidden, svg, .plot, header, .over, .recording");
+  const inside = "button, .button, select, input, textarea";
+  const controls = [...document.querySelectorAll("button, .button, select, textarea, input:not([type=radio], [type=checkbox])")];
+  const texts = [...document.querySelectorAll("p, li, dd, dt, h1, h2, h3, legend, label")];
+  const words = texts.filter((e) => seen(e) && e.textContent.trim() && !e.querySelector(inside));
+  const apart = (c, e) => {
+    const [a, b, style] = [c.getBoundingClientRect(), e.getBoundingClientRect(), getComputedStyle(e)];
+    if (Math.min(a.right, b.right) - Math.max(a.left, b.left) < 4) return Infinity;
+    return Math.max(b.top + parseFloat(style.paddingTop) - a.bottom, a.top - b.bottom + parseFloat(style.paddingBottom));
+  };
+  const near = (c) => words.filter((e) => !e.contains(c) && !c.contains(e) && apart(c, e) < 3);
+  return controls.filter((c) => seen(c) && !c.closest(".beyond-list")).flatMap((c) => near(c).map((e) => `${c.textContent}: ${e.textContent}`));
+}"""  # the list of figures that changed scrolls in a box of its own
+
+
 def looked_at(page: Page, name: str) -> None:
     """Check the page as it stands, in both schemes and sizes."""
     page.add_script_tag(path=AXE)
@@ -54,6 +70,7 @@ def looked_at(page: Page, name: str) -> None:
     for width, height in (*SIZES.values(), PHONE):
         page.set_viewport_size({"width": width, "height": height})
         fits(page, name, width)
+        assert page.evaluate(TOUCHING) == [], f"{name}, {width} px"
     page.set_viewport_size(dict(zip(("width", "height"), SIZES["tablet"])))
 
 
