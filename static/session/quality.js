@@ -40,7 +40,7 @@ function calibration(measure) {
     h(
       "p",
       { class: "soft" },
-      t("quality.source", { source: measure.source, sensors: measure.sensors, from: decimal(measure.onset, 1), to: decimal(measure.end, 1) }),
+      t("quality.source", { ...measure, from: decimal(measure.onset, 1), to: decimal(measure.end, 1) }),
     ),
     h("dl", { class: "facts" }, rows),
   ];
