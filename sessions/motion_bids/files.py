@@ -42,14 +42,38 @@ def whole(file: Pieces) -> bytes:
     return b"".join(file())
 
 
-def checksum(files: Files) -> str:
-    """sha256 over the files' names and contents in order of name."""
-    total = hashlib.sha256()
-    for name in sorted(files):
-        total.update(name.encode() + b"\0")
+def with_checksum(files: Files) -> tuple[Files, Callable[[], str]]:
+    """The same files, and the sha256 over their names and contents in order of name; what is read of
+    them on the way is not read once more for it."""
+    left, total = sorted(files), hashlib.sha256()
+
+    def read(name: str) -> Iterator[bytes]:
+        nonlocal total
+        if name not in left:
+            yield from files[name]()
+            return
+        while left[0] != name:
+            _exhaust(read(left[0]))
+        running = total.copy()
+        running.update(name.encode() + b"\0")
         for piece in files[name]():
-            total.update(piece)
-    return total.hexdigest()
+            running.update(piece)
+            yield piece
+        if left[:1] == [name]:  # read to its end, and by nobody else meanwhile
+            left.pop(0)
+            total = running
+
+    def checksum() -> str:
+        while left:
+            _exhaust(read(left[0]))
+        return total.hexdigest()
+
+    return {name: partial(read, name) for name in files}, checksum
+
+
+def _exhaust(pieces: Iterator[bytes]) -> None:
+    for _ in pieces:
+        pass
 
 
 def _is_zip(path: Path) -> bool:

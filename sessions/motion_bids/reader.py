@@ -28,7 +28,7 @@ from handscope.estimators.numerics.typing import Array
 from handscope.sessions.files.recording import LoadedRecording, require_samples
 from handscope.sessions.motion_bids import raw_forces
 from handscope.sessions.motion_bids.events_reader import events_of
-from handscope.sessions.motion_bids.files import Files, checksum, open_files, whole
+from handscope.sessions.motion_bids.files import Files, open_files, whole, with_checksum
 from handscope.sessions.motion_bids.orientation_channels import (
     orientation_block,
     orientation_columns,
@@ -80,7 +80,8 @@ def load(path: Path, hand: Hand | None = None, inertial: bool = True) -> LoadedR
 
     With `inertial` false neither inertial samples nor a side are asked for: magnetometers alone are a recording too.
     """
-    inside, files = _choose(path)
+    inside, chosen = _choose(path)
+    files, checksum = with_checksum(chosen)
     systems = _systems(files, inside)
     unsaid = all(s.sidecar.get("MeasuredHand") in (None, MISSING) for s in systems)
     side = _hand(
@@ -104,7 +105,7 @@ def load(path: Path, hand: Hand | None = None, inertial: bool = True) -> LoadedR
         samples,
         events_of(files, inside),
         tuple(warnings),
-        checksum=checksum(files),
+        checksum=checksum(),
         source={"format": "Motion-BIDS", "recording": inside, **_provenance(systems)},
         plate=plate_from(_merged(systems, "MagnetSetup")),
     )

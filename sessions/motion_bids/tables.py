@@ -14,6 +14,8 @@ from handscope.estimators.numerics.typing import Array
 
 MISSING = "n/a"
 NUMERALS = b"0123456789+-.eE\t\n\r n/a"  # of which tables are made as a rule
+NO_SEPARATORS = NUMERALS.translate(None, b"\t\n")
+TO_COMMAS = bytes.maketrans(b"\t\n", b",,")
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
@@ -107,12 +109,18 @@ def _parsed_as_json(text: bytes) -> Array | None:
     """The same numbers, read many times faster; None where a number is written as JSON does not, or a row has another length."""
     if text.translate(None, NUMERALS):
         return None
-    lists = text.replace(b"n/a", b"null").replace(b"\t", b",").replace(b"\n", b"],[")
+    separators = text.translate(None, NO_SEPARATORS) + b"\n"
+    width, height = separators.index(b"\n") + 1, separators.count(b"\n")
+    if separators != (b"\t" * (width - 1) + b"\n") * height:
+        return None
+    listed = text.translate(TO_COMMAS)
+    if b"n" in listed:
+        listed = listed.replace(b"n/a", b"null")
     try:
-        table = np.array(orjson.loads(b"[[" + lists + b"]]"), dtype=float)  # null is NaN
+        table = np.array(orjson.loads(b"[" + listed + b"]"), dtype=float)  # null is NaN
     except (orjson.JSONDecodeError, ValueError):
         return None
-    return table if table.ndim == 2 else None
+    return table.reshape(height, width) if len(table) == height * width else None
 
 
 def _first_fault(text: bytes, name: str, columns: int, first: int) -> Message:

@@ -9,6 +9,7 @@ import orjson
 from handscope.estimators.numerics.typing import Array
 
 SLICE = 2000  # rows made at a time
+TAB, NEWLINE, COMMA = b"\t\n,"
 
 
 @dataclass(frozen=True)
@@ -23,11 +24,14 @@ class NumberTable:
     def __iter__(self) -> Iterator[bytes]:
         for start in range(0, len(self.parts[0]), SLICE):
             rows = np.column_stack([part[start : start + SLICE] for part in self.parts])
-            text = orjson.dumps(np.ascontiguousarray(rows), option=orjson.OPT_SERIALIZE_NUMPY)
-            yield (
-                text[2:-2].replace(b"],[", b"\n").replace(b",", b"\t").replace(b"null", b"n/a")
-                + b"\n"
-            )
+            listed = orjson.dumps(rows.ravel(), option=orjson.OPT_SERIALIZE_NUMPY)
+            text = np.frombuffer(bytearray(listed), np.uint8)[1:]
+            text[-1] = NEWLINE  # in place of the list's end
+            commas = np.flatnonzero(text == COMMA)
+            text[commas] = TAB
+            text[commas[rows.shape[1] - 1 :: rows.shape[1]]] = NEWLINE
+            whole = text.tobytes()
+            yield whole if np.isfinite(rows).all() else whole.replace(b"null", b"n/a")
 
     def __bytes__(self) -> bytes:
         return b"".join(self)
