@@ -18,7 +18,7 @@ import itertools
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -283,7 +283,7 @@ def _check_turn(
         return None
     # of those that fit the least turn
     best = min(
-        RIGHT_ANGLES, key=lambda q: (misfit(q) > FITS, round(float(quat.angle(q)), 3), misfit(q))
+        _right_angles(), key=lambda q: (misfit(q) > FITS, round(float(quat.angle(q)), 3), misfit(q))
     )
     if as_drawn - misfit(best) < OFF / 2:
         return None
@@ -348,6 +348,7 @@ def _flexion_axis(name: str, worn: Mapping[str, _WornSensor]) -> Array | None:
     )
 
 
+@cache  # made when first asked for: importing loads no kernel
 def _right_angles() -> list[Array]:
     """The 24 turns that take axes to axes, least first."""
     found: list[Array] = []
@@ -357,9 +358,6 @@ def _right_angles() -> list[Array]:
             if np.linalg.det(R) > 0:
                 found.append(quat.from_matrix(R))
     return sorted(found, key=lambda q: float(quat.angle(q)))
-
-
-RIGHT_ANGLES = _right_angles()
 
 
 AXES = (  # and the opposite ones

@@ -10,10 +10,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from handscope.estimators.data.magnet_streams import is_relevant
 from handscope.estimators.data.samples import Block
 from handscope.estimators.data.trajectory import Flag, PlaceFlag, Trajectory
 from handscope.estimators.hand.anatomy import SEGMENT
-from handscope.estimators.magnet.pipeline import streams as magnet_streams
 from handscope.estimators.numerics.typing import Array
 
 FEWEST = 20  # samples from which a period is known
@@ -36,7 +36,7 @@ def mark_losses(movement: Trajectory, blocks: Sequence[Block]) -> None:
             segments = [SEGMENT[s] for s in block.stream.sensors if s in SEGMENT]
             known = (movement.flags[:, segments] & Flag.MISSING) == 0
             movement.flags[:, segments] |= np.where(lost[:, None] & known, LOST, np.uint8(0))
-        if magnet_streams.is_relevant(block.stream):
+        if is_relevant(block.stream):
             of_place.append(lost)
     if movement.place_flags is not None:
         worst = max(of_place, key=np.count_nonzero)

@@ -14,11 +14,11 @@ from handscope.estimators.alignment import (
 from handscope.estimators.data import trajectory
 from handscope.estimators.data.calibration import Calibration, PriorCalibration
 from handscope.estimators.data.findings import Finding, whole_streams
+from handscope.estimators.data.magnet_streams import find_magnetometers
 from handscope.estimators.data.samples import ORIENTATION, Block, Recording, WholeRecording
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.force import fingertip_forces
-from handscope.estimators.magnet.pipeline import hand_position
 from handscope.estimators.orientation.given_orientations import (
     GivenParams,
     rate_orientations,
@@ -97,13 +97,7 @@ def process(
         recording.mounting,
         calibrations,
     )
-    movement, of_place = hand_position.add_hand_position(
-        hand_position.PlaceParams(),
-        movement,
-        measured,
-        recording.plate,
-        recording.mounting,
-    )
+    movement, of_place = _add_hand_position(movement, measured, recording)
     fault_messages = [f.message for f in findings if f.kind != "saturated" or not scales_declared]
     messages = [
         *recording.warnings,
@@ -117,6 +111,18 @@ def process(
     return Processed(
         movement, tuple(calibrations), tuple(dict.fromkeys(messages)), findings, tuple(warnings)
     )
+
+
+def _add_hand_position(
+    movement: Trajectory, measured: list[Block], recording: Recording
+) -> tuple[Trajectory, list[str]]:
+    """With the hand's position where a magnet is worn, and messages."""
+    if recording.plate is None and not find_magnetometers([b.stream for b in measured]):
+        return movement, []
+    # a tenth of every start, for recordings with a magnet alone
+    from handscope.estimators.magnet.pipeline.hand_position import PlaceParams, add_hand_position
+
+    return add_hand_position(PlaceParams(), movement, measured, recording.plate, recording.mounting)
 
 
 def _estimate(

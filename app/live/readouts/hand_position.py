@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from handscope.estimators.data.magnet_declaration import Plate
+from handscope.estimators.data.magnet_streams import find_magnetometers, is_relevant
 from handscope.estimators.data.samples import Block, Stream
 from handscope.estimators.data.trajectory import PLACE_WORDS
 from handscope.estimators.errors import InputError
 from handscope.estimators.magnet.pipeline import hand_position
 from handscope.estimators.magnet.pipeline.hand_position import PlaceParams, Places, Setting
-from handscope.estimators.magnet.pipeline.streams import find_magnetometers, is_relevant
 from handscope.estimators.numerics.typing import Array
 
 log = logging.getLogger(__name__)

@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handscope.estimators.data.magnet_declaration import Plate
+from handscope.estimators.data.magnet_streams import HAND, find_magnetometers, is_relevant
 from handscope.estimators.data.options import option
 from handscope.estimators.data.samples import ACC, GYR, MAG, TRUNK, Block, Stream
 from handscope.estimators.data.trajectory import PLACE_WORDS, PlaceFlag, Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.magnet.model import setup as magnet_setup
 from handscope.estimators.magnet.pipeline import streams as magnet_streams
-from handscope.estimators.magnet.pipeline.streams import HAND, Waiting
+from handscope.estimators.magnet.pipeline.streams import Waiting
 from handscope.estimators.magnet.tracker import smoother as magnet_smoother
 from handscope.estimators.magnet.tracker import tracker as magnet_tracker
 from handscope.estimators.magnet.tracker.initialisation import Setup
@@ -99,7 +100,7 @@ def make_setting(
 ) -> Setting | None:
     """Setting of a recording; None where nothing of it is worn. InputError says what is missing or
     cannot be."""
-    read_recording = magnet_streams.find_magnetometers(streams)
+    read_recording = find_magnetometers(streams)
     inertial = {p for s in streams if s.inertial for p in s.sensors}
     if plate is None and not read_recording:
         return None
@@ -270,7 +271,7 @@ def _with_full_scales(params: PlaceParams, streams: Sequence[Stream]) -> PlacePa
     """The parameters with the full scales that the streams declare: the least where they differ."""
     full_scales: dict[str, list[float]] = {GYR: [], ACC: [], MAG: []}
     for s in streams:
-        if magnet_streams.is_relevant(s):
+        if is_relevant(s):
             for quantity in full_scales:
                 full_scales[quantity] += (
                     [s.full_scale[quantity]] if s.full_scale.get(quantity) else []

@@ -16,21 +16,19 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from handscope.estimators.data.magnet_streams import HAND, is_relevant
 from handscope.estimators.data.samples import (
     ACC,
     GYR,
     MAG,
     TRUNK,
-    TRUNK_MAGNETOMETERS,
     Block,
-    Stream,
     join,
 )
 from handscope.estimators.magnet.tracker.tracker import Readings
 from handscope.estimators.numerics.typing import Array
 
 MAX_GAP_PERIODS = 2.5  # periods between two neighbouring samples
-HAND = "hand"
 
 
 @dataclass(frozen=True)
@@ -40,20 +38,6 @@ class Waiting:
     magnetometers: tuple[str, ...]  # in the order of the readings
     buffered: Mapping[str, Block]  # by stream, from the last sample that was used
     t_released: float = -np.inf  # s, newest instant released
-
-
-def is_relevant(stream: Stream) -> bool:
-    """Whether a stream is used here."""
-    inertial = stream.inertial and bool({HAND, TRUNK} & set(stream.sensors))
-    return inertial or (
-        MAG in stream.quantities and any(p in (TRUNK, *TRUNK_MAGNETOMETERS) for p in stream.sensors)
-    )
-
-
-def find_magnetometers(streams: Sequence[Stream]) -> tuple[str, ...]:
-    """Magnetometers on the trunk that are read, in the order of their numbers."""
-    read = {p for s in streams if MAG in s.quantities for p in s.sensors}
-    return tuple(p for p in (TRUNK, *TRUNK_MAGNETOMETERS) if p in read)
 
 
 def take(waiting: Waiting, blocks: Sequence[Block], patience: float) -> tuple[Waiting, Readings]:

@@ -14,7 +14,8 @@ HEAVY = (  # each takes 30 ms and more to import
     *("babel", "distributed", "fastapi", "jinja2", "matplotlib", "mcap", "numba", "numpy"),
     *("pandas", "pyarrow", "requests", "scipy.interpolate", "scipy.linalg", "scipy.ndimage"),
     *("scipy.optimize", "scipy.signal", "scipy.spatial", "scipy.special", "scipy.stats"),
-    *("serialx", "sqlalchemy", "typst", "uvicorn", "viser", "vqf"),
+    *("serialx", "sqlalchemy", "tqdm", "typst", "uvicorn", "viser", "vqf"),
+    "handscope.estimators.magnet.tracker",
 )
 
 
@@ -77,7 +78,7 @@ MAY = {  # what each other verb may import; nothing heavy where it is not here
     "pose-sheet": {"babel", "numba", "numpy", "scipy.special", "typst"},
     "photograph": {"numba", "numpy", "scipy.optimize", "scipy.special"},
     "locate": OFFLINE | {"scipy.optimize"},
-    "learn-magnet": OFFLINE,
+    "learn-magnet": OFFLINE | {"handscope.estimators.magnet.tracker"},
     "import": {"mcap", "numba", "numpy", "scipy.ndimage", "vqf"},
     "bench": {"numpy"},
     "reproduce": OFFLINE | {"scipy.optimize"},
