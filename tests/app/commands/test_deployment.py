@@ -55,6 +55,24 @@ def test_nobody_is_given_the_address_that_the_proxy_names() -> None:
     )
 
 
+def test_a_backup_that_failed_is_tried_again_soon(tmp_path: Path) -> None:
+    """The first came before the server had made the schema, and the next a day later."""
+    told = yaml.safe_load((ROOT / "deploy" / "compose.yaml").read_text())["services"]
+    script = str(told["backup"]["command"][2]).replace("$$", "$")
+    (tmp_path / ".venv" / "bin").mkdir(parents=True)
+    for name, does in {
+        ".venv/bin/handscope": "test -e failed_once || { touch failed_once; exit 2; }",
+        "sleep": 'echo "$1" >> slept; test "$1" -lt 86400 || kill "$PPID"',
+        "find": "true",
+    }.items():
+        program = tmp_path / name
+        program.write_text(f"#!/bin/sh\n{does}\n")
+        program.chmod(0o700)
+    path = f"{tmp_path}:{os.environ['PATH']}"
+    subprocess.run(["sh", "-c", script], cwd=tmp_path, env={"PATH": path}, timeout=30, check=False)
+    assert (tmp_path / "slept").read_text().split() == ["600", "86400"]
+
+
 def test_every_container_may_write_nothing_but_what_is_named() -> None:
     told = yaml.safe_load((ROOT / "deploy" / "compose.yaml").read_text())["services"]
     for name, service in told.items():
