@@ -42,7 +42,7 @@ from handscope.sessions.store.archive_entries import (
     require_checksum,
     write_pieces,
 )
-from handscope.sessions.store.database import FILE, RESTORING, connect, place_of
+from handscope.sessions.store.database import FILE, RESTORING, answer_of, connect, place_of
 from handscope.sessions.store.store import CACHE, PROBE, free_bytes
 
 FORMAT = "handscope backup"
@@ -126,16 +126,10 @@ def write(
             "backup.cannot_write_backup", target=str(target), strerror=describe(problem)
         ) from None
     except DBAPIError as problem:
-        full = (
-            f"; the disk of {folder} is full: make a megabyte of room there"
-            if free_bytes(folder) < PROBE
-            else ""
-        )
+        if free_bytes(folder) < PROBE:
+            raise InputError("backup.disk_full", folder=str(folder)) from None
         raise InputError(
-            "backup.database_cannot_read",
-            engine=place_of(engine),
-            orig=str(problem.orig),
-            full=full,
+            "backup.database_cannot_read", engine=place_of(engine), orig=answer_of(problem)
         ) from None
     finally:
         for left in (partial, sealed):
@@ -184,9 +178,7 @@ def restore(
                 ) from None
             if isinstance(problem, DBAPIError):
                 raise InputError(
-                    "backup.database_refused",
-                    engine=place_of(engine),
-                    orig=str(problem.orig),
+                    "backup.database_refused", engine=place_of(engine), orig=answer_of(problem)
                 ) from None
             raise
     return manifest

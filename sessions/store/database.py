@@ -10,7 +10,7 @@ from alembic.config import Config
 from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import Engine, create_engine, event, text, update
-from sqlalchemy.exc import ArgumentError, DatabaseError
+from sqlalchemy.exc import ArgumentError, DatabaseError, DBAPIError
 from sqlalchemy.orm import Session, sessionmaker
 
 from handscope.estimators.errors import InputError
@@ -45,7 +45,7 @@ def open_database(folder: Path, url: str | None = None) -> sessionmaker[Session]
     except DatabaseError as problem:
         engine.dispose()
         raise InputError(
-            "store.database_cannot_open", engine=place_of(engine), orig=str(problem.orig)
+            "store.database_cannot_open", engine=place_of(engine), orig=answer_of(problem)
         ) from None
     database = sessionmaker(engine, expire_on_commit=False)
     visible_rows.enable(database)
@@ -91,6 +91,11 @@ def require_writable(db: Session, wait: float) -> None:
 def place_of(engine: Engine) -> str:
     """The database's URL as it may be shown: without its password."""
     return engine.url.render_as_string(hide_password=True)
+
+
+def answer_of(problem: DBAPIError) -> str:
+    """What the database's driver says, on one line: PostgreSQL's words come with a picture of where in the query they belong."""
+    return " ".join(str(problem.orig).replace("^", " ").split())
 
 
 def upgrade(engine: Engine, to: str = "head") -> None:

@@ -131,6 +131,17 @@ def test_what_is_restored_is_what_was_backed_up(store: Store, tmp_path: Path) ->
         ).one() == datetime(2026, 3, 4, 5, 6, 7, 89, UTC)
 
 
+def test_a_database_without_a_schema_is_refused_on_one_line(tmp_path: Path, server: str) -> None:
+    data = tmp_path / "data"
+    data.mkdir()
+    with (
+        postgres.empty_database(server) as url,
+        pytest.raises(InputError, match=r"\(relation .* does not exist LINE 1: \S.*\); no backup"),
+    ):
+        backup.write(data, url, tmp_path / "b.zip", "1")
+    assert not list(tmp_path.glob("*.zip"))
+
+
 def test_a_backup_moves_to_postgresql_and_back(store: Store, tmp_path: Path, server: str) -> None:
     backup.write(store.folder, None, tmp_path / "b.zip", "1")
     with postgres.empty_database(server) as url:
