@@ -7,7 +7,7 @@ Limits  how far each joint goes is ours: the papers give numbers of repetitions,
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from handscope.estimators.hand.anatomy import FINGERS, IS_DOF, JOINT, Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation import joint_compliance
+from handscope.estimators.simulation.distributions import draw
 from handscope.estimators.simulation.magnetic_field import MagneticField
 from handscope.estimators.simulation.movements import (
     functional_calibration,
@@ -23,7 +24,7 @@ from handscope.estimators.simulation.movements import (
     task_performance,
 )
 from handscope.estimators.simulation.movements.task_performance import Performance
-from handscope.estimators.simulation.person import draw_person
+from handscope.estimators.simulation.person import Anatomy, draw_person
 from handscope.estimators.simulation.scenario import (
     FULL_GLOVE,
     InertialGlove,
@@ -57,9 +58,11 @@ class PersonErrors:
 
     pose_deg: float = 0.0  # deg, largest miss of the initial pose in each freedom
     wrist_deg: float | None = None  # deg, the wrist's; None: as the fingers'
-    is_normal: bool = False  # misses are normal with these standard deviations, not evenly spread
+    # None: evenly spread up to the largest; else their distribution, with these standard deviations
+    distribution: str | None = None
     lengths: bool = True  # the hand differs from its declared geometry
     give_deg: float = 0.0  # deg, by which joints give (joint_compliance.py)
+    anatomy: Anatomy = field(default_factory=Anatomy)  # how far hands differ
 
 
 def record_experiment(
@@ -79,7 +82,7 @@ def record_experiment(
     Each source of error has a random stream of its own: what is switched off leaves all the others as they were.
     """
     of_person, of_pose, of_motion, of_sensors, of_steps, of_give = rng.spawn(6)
-    somebody = draw_person(hand, of_person)
+    somebody = draw_person(hand, of_person, person.anatomy)
     true = somebody.true if person.lengths else somebody.declared
     pose, *rest = experiment.perform(true, of_motion)
     missed = _miss_posture(task_performance.flat(), person, of_pose)
@@ -111,7 +114,11 @@ def _miss_posture(pose: Array, person: PersonErrors, rng: np.random.Generator) -
     """The pose with every freedom of every joint off by what the person misses it by."""
     largest = np.full((len(IS_DOF), 1), person.pose_deg)
     largest[JOINT["wrist"]] = person.pose_deg if person.wrist_deg is None else person.wrist_deg
-    share = rng.normal(size=IS_DOF.shape) if person.is_normal else rng.uniform(-1, 1, IS_DOF.shape)
+    share = (
+        rng.uniform(-1, 1, IS_DOF.shape)
+        if person.distribution is None
+        else draw(rng, person.distribution, IS_DOF.shape)
+    )
     off = np.radians(largest) * share * IS_DOF
     return np.concatenate([pose[:6], pose[6:] + off.ravel()])
 

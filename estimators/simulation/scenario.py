@@ -130,7 +130,8 @@ def simulate_performances(
 
     Magnetometers, losses, force sensors and what is worn on the trunk have random streams of their own: the inertial readings are the same with and without them.
     """
-    worn = sensors.mount_sensors(glove.segments, geometry, errors, rng)
+    middle = 0.5 * sum(p.motion.duration for p in performances)  # s
+    worn = replace(sensors.mount_sensors(glove.segments, geometry, errors, rng), slip_time=middle)
     of_mag, of_link, of_force, of_trunk = rng.spawn(4)
     plans = _plan_streams(glove, errors, has_magnetometers=field is not None)
     fastest = max((p for p in plans if p.inertial), key=lambda p: (p.rate, p.name == "imu"))

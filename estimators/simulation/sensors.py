@@ -7,6 +7,7 @@ Source  every error size is an option with its source; sensors on skin that foll
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -16,11 +17,14 @@ from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
+from handscope.estimators.simulation import soft_tissue
+from handscope.estimators.simulation.distributions import DISTRIBUTIONS, draw
 from handscope.estimators.simulation.kinematics import Kinematics
 from handscope.estimators.simulation.magnetic_field import MagneticField
 
 MPU9250 = "MPU-9250 product specification PS-MPU-9250A-01 rev. 1.0, tables 1-3"
 CALIBRATED = "left after the strip's calibration (Salchow-Hoemmen 2019, 2.1: sensors calibrated once); size ours"
+SLIP_DURATION = 0.5  # s
 WALK_LENGTH = 7200  # s of bias random walk drawn for each sensor; it stays where it is afterwards
 
 
@@ -77,6 +81,27 @@ class SensorErrors:
         "slide of the sensor along its segment for 90 deg of flexion",
         "skin moves with the joint; size ours",
     )
+    distribution: str = option(
+        "listed",
+        "1",
+        "how these errors are distributed: as listed here, biases and scales normal; or all of them, misalignments and skin about each axis, with the same standard deviations",
+        "ours",
+        ("listed", *DISTRIBUTIONS),
+    )
+    skin_law: str = option(
+        "proportional",
+        "1",
+        "how turn and slide follow the flexion",
+        "ours: soft_tissue.py",
+        tuple(soft_tissue.LAWS),
+    )
+    slip: float = option(
+        0.0,
+        "deg",
+        "turn of a sensor's seat about a random axis, half way through what is performed",
+        "none unless asked for",
+    )
+    slipping: int = option(17, "1", "how many of the sensors slip, drawn", "ours")
     gyr_range: float = option(2000.0, "deg/s", "full scale of the gyroscope", MPU9250)
     acc_range: float = option(16.0, "g", "full scale of the accelerometer", MPU9250)
     mag_range: float = option(4800.0, "uT", "full scale of the magnetometer", MPU9250)
@@ -85,29 +110,27 @@ class SensorErrors:
     )
 
 
-IDEAL = SensorErrors(
-    **dict.fromkeys(
-        (
-            "gyr_noise",
-            "acc_noise",
-            "mag_noise",
-            "gyr_bias",
-            "acc_bias",
-            "mag_bias",
-            "gyr_bias_walk",
-            "gyr_scale",
-            "acc_scale",
-            "mag_scale",
-            "cross_axis",
-            "misalignment",
-            "misalignment_width",
-            "skin_angle",
-            "skin_shift",
-        ),
-        0.0,
+_NONE: dict[str, Any] = dict.fromkeys(
+    (
+        "gyr_noise",
+        "acc_noise",
+        "mag_noise",
+        "gyr_bias",
+        "acc_bias",
+        "mag_bias",
+        "gyr_bias_walk",
+        "gyr_scale",
+        "acc_scale",
+        "mag_scale",
+        "cross_axis",
+        "misalignment",
+        "misalignment_width",
+        "skin_angle",
+        "skin_shift",
     ),
-    bits=0,
+    0.0,
 )
+IDEAL = SensorErrors(**_NONE, bits=0)
 LSM330DLC = "LSM330DLC data sheet; HMC5983 data sheet; Kortier thesis ch. 2"
 LSM330DLC_HMC5983 = SensorErrors(
     gyr_noise=0.03, acc_noise=220e-6, mag_noise=0.2, acc_range=8.0, mag_range=810.0
@@ -138,6 +161,8 @@ class SensorSet:
     )
     walk: Array  # (WALK_LENGTH + 1, sensors, 3) rad/s, the gyroscope bias's walk at full seconds
     errors: SensorErrors
+    slips: Array | None = None  # (sensors, 3) rad, turn of the seat in the segment's frame
+    slip_time: float = np.inf  # s, when it begins
 
 
 def mount_sensors(
@@ -150,8 +175,7 @@ def mount_sensors(
     """Put sensors on the middle of the phalanges' backs, the hand's back and the forearm near the wrist, and draw their errors."""
     n, e = len(segments), errors
     straight = np.tile(quat.IDENTITY, (n, 1)) if nominal is None else nominal
-    angle = np.radians(e.misalignment + e.misalignment_width * rng.uniform(-1, 1, (n, 1)))
-    tilt = quat.exp(angle * _directions(rng, n))
+    tilt = quat.exp(_misalignments(rng, n, e))
     sizes = np.repeat([np.radians(e.gyr_bias), e.acc_bias, e.mag_bias * 1e-6], 3)
     slide = (
         side_sign(geometry.hand)
@@ -164,17 +188,15 @@ def mount_sensors(
         quat.multiply(tilt, straight),
         straight,
         np.array([_lever_arm(s, geometry) for s in segments]),
-        np.radians(e.skin_angle) / (np.pi / 2) * _directions(rng, n),
+        np.radians(e.skin_angle) / (np.pi / 2) * _skin_axes(rng, n, e.distribution),
         slide,
-        sizes * rng.normal(size=(n, 9)),
+        sizes * draw(rng, e.distribution, (n, 9)),
         np.stack(
-            [
-                _matrices(rng, n, scale, e.cross_axis)
-                for scale in (e.gyr_scale, e.acc_scale, e.mag_scale)
-            ]
+            [_matrices(rng, n, scale, e) for scale in (e.gyr_scale, e.acc_scale, e.mag_scale)]
         ),
         np.concatenate([np.zeros((1, n, 3)), np.cumsum(steps, axis=0)]),
         e,
+        _slips(rng, n, e) if e.slip else None,
     )
 
 
@@ -219,7 +241,8 @@ def simulate_magnetic(
 def true_mounting(sensors: SensorSet, k: Kinematics) -> Array:
     """True sensor-to-segment rotations q_BS (n, sensors, 4) at the instants of the kinematics, skin included."""
     flexion = _flexions(sensors, k)[0]
-    return quat.multiply(quat.exp(flexion[..., None] * sensors.skin_turn), sensors.q_BS)
+    turned = quat.exp(flexion[..., None] * sensors.skin_turn)
+    return quat.multiply(turned, quat.multiply(_slipped(sensors, k.t)[0], sensors.q_BS))
 
 
 def sensor_poses(sensors: SensorSet, k: Kinematics) -> tuple[Array, Array]:
@@ -255,17 +278,27 @@ def _sensor_motion(sensors: SensorSet, k: Kinematics) -> _SensorMotion:
         + 2 * np.cross(w, drift)
         + push
     )
-    q_BS = quat.multiply(quat.exp(flexion * sensors.skin_turn), sensors.q_BS)
+    skin = quat.exp(flexion * sensors.skin_turn)
+    slipped, slip_rate = _slipped(sensors, k.t)
+    q_BS = quat.multiply(skin, quat.multiply(slipped, sensors.q_BS))
     w_GS = w + quat.rotate(
-        q_GB, rate * sensors.skin_turn
+        q_GB, rate * sensors.skin_turn + quat.rotate(skin, slip_rate)
     )  # the turn's axis is fixed on the segment
     return _SensorMotion(quat.conjugate(quat.multiply(q_GB, q_BS)), w_GS, k.p[:, s] + arm, a)
 
 
 def _flexions(sensors: SensorSet, k: Kinematics) -> tuple[Array, Array, Array]:
-    """Flexion of the joint that moves each sensor's skin (n, sensors), with its first and second derivatives."""
+    """Flexion that each sensor's skin follows (n, sensors), with its first and second derivatives."""
     j = np.array([JOINT[_skin_joint(name)] for name in sensors.segments])
-    return k.angles[:, j, FLEXION], k.rates[:, j, FLEXION], k.accelerations[:, j, FLEXION]
+    flexion = k.angles[:, j, FLEXION], k.rates[:, j, FLEXION], k.accelerations[:, j, FLEXION]
+    return soft_tissue.follow(sensors.errors.skin_law, k.t, flexion)
+
+
+def _slipped(sensors: SensorSet, t: Array) -> tuple[Array, Array]:
+    """Turn of the seats at the instants t (n,) as rotations (n, sensors, 4), and its rate (n, sensors, 3) rad/s."""
+    slips = np.zeros((len(sensors.segments), 3)) if sensors.slips is None else sensors.slips
+    u = np.clip((t - sensors.slip_time) / SLIP_DURATION, 0.0, 1.0)[:, None, None]
+    return quat.exp(u**2 * (3 - 2 * u) * slips), 6 * u * (1 - u) / SLIP_DURATION * slips
 
 
 def _skin_joint(segment: str) -> str:
@@ -297,9 +330,32 @@ def _convert(values: Array, limit: float, bits: int) -> Array:
     return np.asarray(np.rint(clipped / count) * count)
 
 
-def _matrices(rng: np.random.Generator, n: int, scale: float, cross: float) -> Array:
-    errors = cross * rng.normal(size=(n, 3, 3))
-    errors[:, range(3), range(3)] = scale * rng.normal(size=(n, 3))
+def _misalignments(rng: np.random.Generator, n: int, e: SensorErrors) -> Array:
+    """Turns (n, 3) rad of sensors against their segments."""
+    if e.distribution == "listed":
+        angle = np.radians(e.misalignment + e.misalignment_width * rng.uniform(-1, 1, (n, 1)))
+        return np.asarray(angle * _directions(rng, n))
+    squared = (e.misalignment**2 + e.misalignment_width**2 / 3) / 3  # deg^2, about each axis
+    return np.asarray(np.radians(np.sqrt(squared)) * draw(rng, e.distribution, (n, 3)))
+
+
+def _skin_axes(rng: np.random.Generator, n: int, distribution: str) -> Array:
+    """Axes (n, 3) that skin turns sensors about, of mean square 1."""
+    if distribution == "listed":
+        return _directions(rng, n)
+    return np.asarray(draw(rng, distribution, (n, 3)) / np.sqrt(3.0))
+
+
+def _slips(rng: np.random.Generator, n: int, e: SensorErrors) -> Array:
+    """Turns (n, 3) rad of the seats of those that slip."""
+    slips = np.radians(e.slip) * _directions(rng, n)
+    slips[rng.permutation(n)[e.slipping :]] = 0.0
+    return np.asarray(slips)
+
+
+def _matrices(rng: np.random.Generator, n: int, scale: float, e: SensorErrors) -> Array:
+    errors = e.cross_axis * draw(rng, e.distribution, (n, 3, 3))
+    errors[:, range(3), range(3)] = scale * draw(rng, e.distribution, (n, 3))
     return np.eye(3) + errors
 
 

@@ -31,7 +31,7 @@ REPRODUCTIONS = {
     "budget": "what each source of error costs: switched off in turn, and alone",
     "pushed": "how far what remains of Table 6 can be pushed: by a common inclination, by a functional calibration",
     "drift": "10 and 60 minutes without magnetometers",
-    "honesty": "whether the standard deviations of ekf are as large as its errors",
+    "honesty": "whether standard deviations of ekf and m2 are as large as the errors, in many worlds",
     "missed-pose": "what a pose costs that is taken less exactly, and what measuring a part of it gives back",
     "photograph": "lengths and angles of a hand from a photograph of it on the printed sheet, rendered",
     "broad": "the fusion on real trials (Laidig et al. 2021)",

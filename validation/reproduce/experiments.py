@@ -36,6 +36,12 @@ POSE_ERROR = (
     2.5  # deg, largest, of every freedom in the initial pose: what a person misses the flat hand by
 )
 RATE = 100.0  # Hz
+OF_OTHER_WORLDS = (
+    "distribution",
+    "skin_law",
+    "slip",
+    "slipping",
+)  # only `honesty` changes these
 VARIANTS: Mapping[str, tuple[str, Mapping[str, str]]] = {
     "b": ("b", {}),
     "m1": ("m1", {}),
@@ -68,27 +74,31 @@ def performed(
     pose_error: float = POSE_ERROR,
     length_errors: bool = True,
     wrist_error: float | None = None,
-    give: float = 0.0,
     normal_pose_error: bool = False,
 ) -> Simulated:
-    """The trial's recording in a homogeneous field, with the truth beside it: full errors unless told otherwise; joints give by `give` deg.
+    """The trial's recording in a homogeneous field, with the truth beside it: full errors unless told otherwise.
 
     `pose_error` is the largest error of each freedom in the pose, or the standard deviation of a normal one."""
+    person = PersonErrors(
+        pose_deg=pose_error,
+        lengths=length_errors,
+        wrist_deg=wrist_error,
+        distribution="normal" if normal_pose_error else None,
+    )
+    return performed_by(trial, person, errors or SensorErrors())
+
+
+def performed_by(trial: Trial, person: PersonErrors, errors: SensorErrors) -> Simulated:
+    """The same of a person who errs so, with sensors that err so."""
     of_field, of_person = _generators(trial)
     field, experiment = homogeneous(_north(of_field)), experiments.EXPERIMENTS[trial.experiment]
     return record_experiment(
         experiment,
         of_person,
-        errors or SensorErrors(),
+        errors,
         field,
         "left",
-        person=PersonErrors(
-            pose_deg=pose_error,
-            lengths=length_errors,
-            wrist_deg=wrist_error,
-            give_deg=give,
-            is_normal=normal_pose_error,
-        ),
+        person=person,
         glove=InertialGlove(rate=RATE),
     )
 
@@ -169,12 +179,20 @@ def sizes() -> Sizes:
         "asked for by our targets; evenly spread",
     )
     sensors, hands = (
-        [(d.meaning, f"{d.default:g} {d.unit}".removesuffix(" 1"), d.source) for d in describe(o)]
+        [
+            (d.meaning, _with_unit(d.default, d.unit), d.source)
+            for d in describe(o)
+            if d.name not in OF_OTHER_WORLDS
+        ]
         for o in (SensorErrors, Anatomy)
     )
     return Sizes(
         "error-sizes", "Error sizes", ("what errs", "size", "source"), (pose, *sensors, *hands)
     )
+
+
+def _with_unit(value: float, unit: str) -> str:
+    return f"{value:g} {unit}".removesuffix(" 1")
 
 
 def _generators(trial: Trial) -> list[np.random.Generator]:

@@ -81,6 +81,7 @@ class Setup:
     duration: float = 40.0  # s
     pace: float = 1.3  # Hz, the fastest of what each angle is made of
     skin: float = 1.0  # of TURN and SLIDE
+    misaligned: float = 1.0  # of MISALIGNMENT
     law: str = "proportion"  # of LAWS
     scatter: float = 0.0  # s, standard deviation of a sample's stamp
     # rad, standard deviation of what every freedom misses an initial pose by; None: no pose
@@ -202,7 +203,10 @@ def _body(setup: Setup) -> Body:
     nominal, mountings, places, turned, slid = {}, {}, {}, {}, {}
     for s in ("hand", "forearm", *lengths):
         nominal[s] = Rotation.from_quat(rng.standard_normal(4))
-        mountings[s] = Rotation.from_rotvec(MISALIGNMENT * rng.standard_normal(3)) * nominal[s]
+        mountings[s] = (
+            Rotation.from_rotvec(setup.misaligned * MISALIGNMENT * rng.standard_normal(3))
+            * nominal[s]
+        )
         places[s] = setup.side * _on_top(rng, s, lengths.get(s, 0.0))
         turned[s], slid[s] = (
             amount * setup.skin / RIGHT_ANGLE * _somewhere(rng) for amount in (TURN, SLIDE)
