@@ -16,7 +16,7 @@ from scipy.special import log_ndtr
 from handscope.estimators.data import trajectory
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.samples import Block, Recording, RecordingView, Stream
-from handscope.estimators.data.trajectory import Flag, Trajectory
+from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.fault_detection.finding import Message, Suspicion
 from handscope.estimators.fault_detection.neighbours.anatomy import check_anatomy
@@ -35,6 +35,7 @@ from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation.given_orientations import with_orientations
 from handscope.estimators.pipeline.recording_calibration import calibrate
 from handscope.estimators.pipeline.run import run
+from handscope.estimators.recording_checks.finger_order import UNSURE, check_order
 
 HINGES = tuple(j.name for j in JOINTS if not j.name.startswith(("wrist", "thumb_cmc")))
 BEYOND = np.radians(15.0)  # of flexion: skin, mounting and a pose that is 5 deg off leave up to 8
@@ -44,7 +45,6 @@ SIDEWAYS = np.radians(
 WITHIN = np.radians(8.0)
 SHARE = 0.02  # of the time that counts
 ANGLE_SD = np.radians(4.0)  # of flexion; that of the rest is as much larger as SIDEWAYS is
-UNSURE = Flag.MISSING | Flag.SATURATED | Flag.HEADING_LOST
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,8 @@ def check_joints(recording: Recording, calibrations: Sequence[Calibration]) -> l
     Returns
     -------
     list of Suspicion
-        `joint.beyond_reach`, or `sensors.exchanged_angles` where two sensors of the finger in each other's place would stay within; then questions about
-        freedoms of other joints (severity `info`).
+        `joint.beyond_reach`, or `sensors.exchanged_angles` where two sensors of the finger in each other's place would stay within, or
+        `sensors.exchanged_bending` (finger_order.py); then questions about freedoms of other joints (severity `info`).
     """
     if not calibrations or not all(c.source.is_pose for c in calibrations):
         return []
@@ -83,6 +83,7 @@ def check_joints(recording: Recording, calibrations: Sequence[Calibration]) -> l
         by_finger.setdefault(JOINTS[excess.joint].name.partition("_")[0], []).append(excess)
     for finger, beyond in by_finger.items():
         found.append(_exchanged(recording, finger, beyond) or _beyond(max(beyond, key=_surely)))
+    found += [s for s in check_order(free) if s.sensors[0].partition("_")[0] not in by_finger]
     asked = [
         s
         for s in check_anatomy(free, recording.geometry)

@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from handscope.estimators.alignment.initial_pose import nominal_mounting
+from handscope.estimators.data.findings import whole_streams
 from handscope.estimators.data.samples import Block, Recording
 from handscope.estimators.errors import InputError
 from handscope.estimators.fault_detection.finding import Suspicion
@@ -359,7 +360,7 @@ def _outside(kind: Kind, seed: int) -> Made:
     with TemporaryDirectory() as folder:
         free_movement.written(setup, Path(folder) / "recording")
         read = formats.load(Path(folder) / "recording")
-    blocks = tuple(_turned(b, read.mounting) for b in read.blocks())
+    blocks = tuple(_turned(b, read.mounting) for b in whole_streams(list(read.blocks())))
     samples = {b.stream.name: b for b in blocks}
     return Made(
         LoadedRecording(read.hand, read.geometry, {}, samples, read.events), blocks, kind.finger

@@ -21,6 +21,7 @@ from handscope.estimators.fault_detection.neighbours import (
     joint_places,
     joint_windows,
     slips,
+    synchrony,
     unexplained,
 )
 from handscope.estimators.fault_detection.neighbours.joint_places import Bone, Verdict
@@ -39,7 +40,7 @@ from handscope.estimators.hand.geometry import HandGeometry, root_joint
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
-FALSE_ALARM = 2e-4  # of each family of tests in one recording: five of them, and those of single sensors, stay below 1 in 200
+FALSE_ALARM = 2e-4  # of each family of tests in one recording: five of them, those of synchrony.py and finger_order.py, and those of single sensors, stay below 1 in 200
 OF_HAND = 1e-5  # the same of the declared hand: how far people's knuckles lie from the declared is known roughly
 
 
@@ -127,6 +128,10 @@ def _named(pairs: Pairs, odd: Sequence[tuple[str, str]]) -> list[Suspicion]:
     named = _most_probable(
         pairs, [c for c in single if is_sure(c)], [c for c in late if is_sure(c)]
     )
+    accused = [s for t in named for s in t.sensors]
+    named += [
+        of_delay(d) for d in synchrony.find(pairs, accused) if d.p_value < synchrony.FALSE_ALARM
+    ]
     slipped = [
         s
         for s in (slips.find_jump(pairs), slips.find(pairs))

@@ -146,9 +146,9 @@ class Truth:
     tips: Mapping[str, Array]  # (n, 3) m, ends of the last bones in the wrist's frame
 
 
-def written(setup: Setup, folder: Path) -> Truth:
-    """A recording in Motion-BIDS, and what is true of it."""
-    body, movement, sensors = _body(setup), _movement(setup), _sensors(setup)
+def written(setup: Setup, folder: Path, movement: Movement | None = None) -> Truth:
+    """A recording in Motion-BIDS, and what is true of it; of the set-up's free movement where no other is given."""
+    body, sensors, movement = _body(setup), _sensors(setup), movement or _movement(setup)
     noise, t = _rng(setup, 4), np.arange(round(setup.duration * setup.rate)) / setup.rate
     at = folder / "sub-01" / "motion"
     at.mkdir(parents=True)
@@ -253,6 +253,11 @@ def _sensors(setup: Setup) -> Sensors:
 
 
 def _movement(setup: Setup) -> Movement:
+    return free(setup) if setup.missed is None else after_pose(setup, setup.missed, free(setup))
+
+
+def free(setup: Setup) -> Movement:
+    """Every angle by sines of its own."""
     rng = _rng(setup, 2)
     turns, wanders, wrist = ([_wave(rng, setup.pace) for _ in range(k)] for k in (3, 3, 2))
     waves = {f: [_wave(rng, setup.pace) for _ in range(4)] for f in CHAINS}
@@ -261,7 +266,7 @@ def _movement(setup: Setup) -> Movement:
         z, y, x = (reach * DEG * np.sin(wave(t)) for reach, wave in zip((55.0, 35.0, 55.0), turns))
         return _about(2, z) @ _about(1, y) @ _about(0, x)
 
-    free = Movement(
+    return Movement(
         {
             f: (lambda t, w=w, f=f: _thumb(w, t) if f == "thumb" else _finger(w, t))  # type: ignore[misc]
             for f, w in waves.items()
@@ -273,10 +278,9 @@ def _movement(setup: Setup) -> Movement:
         turned,
         lambda t: 0.09 * np.stack([np.sin(wave(t)) for wave in wanders], axis=1),
     )
-    return free if setup.missed is None else _after_pose(setup, setup.missed, free)
 
 
-def _after_pose(setup: Setup, missed: float, free: Movement) -> Movement:
+def after_pose(setup: Setup, missed: float, free: Movement) -> Movement:
     """The movement that begins from a flat hand, palm down, held as exactly as somebody does."""
     rng, freedoms = _rng(setup, 5), {"thumb": np.array([[1, 1, 1], [1, 0, 0], [1, 0, 0]])}
     other = np.array([[1, 1, 0], [1, 0, 0], [1, 0, 0]])

@@ -1,0 +1,268 @@
+"""Sensors and strips that are late against what moves together with them, told by angular rates: for gentle movement, and where the hand rests.
+
+In      pairs of sensors (sensor_pairs.py)
+Out     who is late, by how much, from when to when
+Source  ours: sensors of one finger, and fingers that open and close the hand, turn at rates that are proportional to each other; test of a lag against none: paired_test.py
+Limits  at least two others have to move together and to show the same lag; what moves in turn, or each by itself, tells nothing. Lags below `LEAST` may be a person's own
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from handscope.estimators.fault_detection.neighbours import joint_windows, paired_test
+from handscope.estimators.fault_detection.neighbours.delays import Delay
+from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
+from handscope.estimators.hand.anatomy import CHAINS
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.typing import Array
+
+FURTHEST, STEP = 0.36, 0.02  # s
+OWN_SD = 0.02  # s, standard deviation of when fingers begin that a person moves together; ours
+LEAST = (
+    0.08  # s: 3.5 times that of one finger against two others, sqrt(1 + 1/2) OWN_SD: 2 in 10 000
+)
+SPREAD = 0.03  # s, by which others may differ in the lag that they show
+NEAR_ZERO = 0.03  # s: lags that are none
+FALSE_ALARM = 1e-3  # of all fingers of one recording
+MARGIN = 0.4  # of the mean log ratio, as for delays (delays.py)
+NOISE, SHARE = (
+    0.03,
+    0.1,
+)  # rad/s; of a rate that others do not tell, as fingers bend each a little by itself: ours
+EXPLAINED = 0.2  # share of a rate's variance that others may leave at the lag
+GATE = 0.02  # share that they may leave without any; then nothing is late
+SURE = 0.01  # probability from which on one other is counted as showing the lag, or as showing none
+PARTS = 8  # of the recording, at whose edges a lag may begin or end
+FEWEST = 2  # others
+_Asked = tuple[
+    tuple[str, ...], list[tuple[str, ...]]
+]  # a group, and the others of which each may tell its lag
+MOVING = 0.1  # rad/s, root mean square
+FLEXING = 0.7  # cosine of the angle between the main axis and that of flexion, from which on the finger bends; ours
+TREMOR = 3.5  # Hz, from which on a rhythm is none that is meant: fingers tremble out of phase
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """What one other tells of a group's lag."""
+
+    lag: float  # s, at which it fits best
+    rest: Array  # (lags, K) what it leaves in each window
+    noise: float
+
+
+@dataclass(frozen=True)
+class _Signals:
+    """Rates about each sensor's main axis, rad/s, in the windows that are looked at; a strip's are those of its last sensor, which turns with all joints."""
+
+    lags: Array  # (L,) s
+    now: dict[str, Array]  # by sensor (K, m)
+    later: dict[str, Array]  # by sensor (L, K, m), read later by each lag
+    t: Array  # (K,) s
+    use: dict[str, Array]  # by sensor (K,)
+    flexing: frozenset[
+        str
+    ]  # sensors of fingers whose main axis is that of flexion, flexion being positive
+
+
+def find(pairs: Pairs, accused: Sequence[str] = ()) -> list[Delay]:
+    """Late sensors of fingers, else late strips, with the probability of such lags where nothing is late.
+
+    Fingers of sensors that are accused already are not asked.
+    """
+    signals = _signals(pairs)
+    free = {
+        f: tuple(s for s in chain if s in signals.now)
+        for f, chain in CHAINS.items()
+        if not set(chain) & set(accused)
+    }
+    alone: list[_Asked] = [
+        ((s,), [(o,) for o in chain if o != s])
+        for chain in free.values()
+        if len(chain) > FEWEST
+        for s in chain
+    ]
+    spans = _spans(signals.t)
+    single = _latest(signals, alone, spans)
+    odd = {s.partition("_")[0] for d in single for s in d.sensors}
+    strips = [c for f, c in free.items() if c and f not in odd]
+    together: list[_Asked] = [(strip, [o for o in strips if o is not strip]) for strip in strips]
+    return [*single, *_latest(signals, together, spans)]
+
+
+def _signals(pairs: Pairs) -> _Signals:
+    s = pairs.series
+    m, by = round(joint_windows.LENGTH * joint_windows.RATE), joint_windows.AVERAGED
+    names = [n for chain in CHAINS.values() for n in chain if n in s.sensors]
+    steps = round(FURTHEST / STEP)
+    lags = STEP * np.arange(-steps, steps + 1, dtype=float)
+    shift = np.round(lags * joint_windows.RATE).astype(int)
+    first = s.chosen[
+        (s.chosen * m + shift[0] >= 0) & (s.chosen * m + m + shift[-1] + by < len(s.t))
+    ]
+    rows = first[:, None] * m + np.arange(0, m, by)
+    now, later, use, flexing = {}, {}, {}, set()
+    for name in names:
+        k = s.sensors.index(name)
+        gyr = s.gyr[:, k]
+        seen = gyr[(first[:, None] * m + np.arange(m)).ravel()]
+        axis = np.linalg.eigh(seen.T @ seen)[1][:, -1]
+        along = float(quat.rotate(pairs.q_BS[name], axis)[2])  # segments flex about z
+        if abs(along) > FLEXING and not name.startswith("thumb"):
+            flexing.add(name)
+            axis = np.sign(along) * axis
+        rate = np.convolve(gyr @ axis, np.full(by, 1.0 / by), "full")[by - 1 :]
+        now[name], later[name] = rate[rows], rate[rows + shift[:, None, None]]
+        there = s.whole[rows, k].mean(axis=1) > 1 - joint_windows.MOST_MISSING
+        use[name] = there.astype(float)
+    return _Signals(lags, now, later, s.t[first * m], use, frozenset(flexing))
+
+
+def _spans(t: Array) -> list[tuple[float, float]]:
+    if len(t) == 0:
+        return []
+    begin, end = float(t[0]), float(t[-1]) + joint_windows.LENGTH
+    edges = [float(e) for e in np.linspace(begin, end, PARTS + 1)[1:-1]]
+    return [(begin, end), *((e, end) for e in edges), *((begin, e) for e in edges)]
+
+
+def _latest(
+    signals: _Signals,
+    groups: Sequence[_Asked],
+    spans: Sequence[tuple[float, float]],
+) -> list[Delay]:
+    """Of each group the span that shows a lag best, where one does."""
+    tests = len(groups) * (len(spans) + 2) * round(2 * FURTHEST / LEAST)  # lags nearer are one
+    found = []
+    for group, others in groups:
+        if len(others) < FEWEST or _moves_as_others(signals, group, others):
+            continue
+        tried = [_judged(signals, group, others, span) for span in spans]
+        sure = [d for d in tried if d is not None]
+        if sure:
+            best = max(sure, key=lambda d: d.gain)
+            nearer = [_judged(signals, group, others, s) for s in _begun(signals, others, best)]
+            best = min([best, *(d for d in nearer if d is not None)], key=lambda d: d.p_value)
+            p = min(1.0, best.p_value * tests)
+            found.append(Delay(group, best.late, p, best.gain, best.span))
+    return found
+
+
+def _begun(
+    signals: _Signals, others: list[tuple[str, ...]], found: Delay
+) -> Iterator[tuple[float, float]]:
+    """The part of a span from the window on, and that up to the window, which gains most by the lag."""
+    inside = ((signals.t >= found.span[0]) & (signals.t < found.span[1])).astype(float)
+    k, zero = int(np.argmin(abs(signals.lags - found.late))), len(signals.lags) // 2
+    shown = [s for o in others if (s := _shown(signals, found.sensors, o, inside)) is not None]
+    gain = np.sum([np.log((s.rest[zero] + s.noise) / (s.rest[k] + s.noise)) for s in shown], axis=0)
+    after, until = np.cumsum(gain[::-1])[::-1], np.cumsum(gain)
+    yield float(signals.t[int(np.argmax(after))]), found.span[1]
+    yield found.span[0], float(signals.t[int(np.argmax(until))]) + joint_windows.LENGTH
+
+
+def _moves_as_others(
+    signals: _Signals, group: tuple[str, ...], others: list[tuple[str, ...]]
+) -> bool:
+    """Whether all others show no lag over the whole, as of most intact recordings: then spans are not asked."""
+    every, zero = np.ones(len(signals.t)), len(signals.lags) // 2
+    shown = [_shown(signals, group, o, every) for o in others]
+    variance = _variance(signals, group, every)
+    return all(s is None or s.rest[zero].mean() < GATE * variance for s in shown)
+
+
+def _judged(
+    signals: _Signals,
+    group: tuple[str, ...],
+    others: list[tuple[str, ...]],
+    span: tuple[float, float],
+) -> Delay | None:
+    """The lag of a group within a span that at least `FEWEST` others show and none contradicts."""
+    inside = ((signals.t >= span[0]) & (signals.t < span[1])).astype(float)
+    variance = _variance(signals, group, inside)
+    shown = [s for o in others if (s := _shown(signals, group, o, inside)) is not None]
+    telling = [s for s in shown if _least(s).mean() < EXPLAINED * variance]
+    lags = np.array([s.lag for s in telling])
+    if (
+        len(lags) < FEWEST
+        or np.any(np.sign(lags) != np.sign(lags[0]))
+        or abs(lags).min() < LEAST - SPREAD
+    ):
+        return None
+    late = _shared_lag(lags)
+    near = [s for s in telling if abs(s.lag - late) <= SPREAD + 1e-9]
+    if abs(late) < LEAST - 1e-9 or len(near) < FEWEST or abs(late) > FURTHEST - STEP:
+        return None
+    k = int(np.argmin(abs(signals.lags - late)))
+    gains = [_gain(signals.lags, s, k) for s in near]
+    if sum(paired_test.p_value(g, MARGIN, w) < SURE for g, w in gains) < FEWEST:
+        return None
+    gain, weight = np.mean([g for g, _ in gains], axis=0), np.max([w for _, w in gains], axis=0)
+    p = paired_test.p_value(gain, MARGIN, weight)
+    return Delay(group, float(late), p, float(gain @ (weight > 0)) * len(near), span)
+
+
+def _shared_lag(lags: Array) -> float:
+    """The lag about which most others lie."""
+    count = [np.count_nonzero(abs(lags - lag) <= SPREAD + 1e-9) for lag in lags]
+    best = lags[int(np.argmax(count))]
+    return float(lags[abs(lags - best) <= SPREAD + 1e-9].mean())
+
+
+def _variance(signals: _Signals, group: tuple[str, ...], inside: Array) -> float:
+    use = (inside * np.prod([signals.use[s] for s in group], axis=0)).astype(bool)
+    return float((signals.now[group[-1]][use] ** 2).mean()) if use.any() else 0.0
+
+
+def _shown(
+    signals: _Signals, group: tuple[str, ...], other: tuple[str, ...], inside: Array
+) -> _Shown | None:
+    """What another group's rate leaves of a group's at every lag; None where either hardly moves, or trembles."""
+    use = (inside * np.prod([signals.use[s] for s in (*group, *other)], axis=0)).astype(bool)
+    if np.count_nonzero(use) < paired_test.FEWEST:
+        return None
+    x, Y = signals.now[other[-1]][use].ravel(), signals.later[group[-1]][:, use]
+    variance, of_other = float((Y**2).mean()), float(x @ x / len(x))
+    speed = 2 * np.pi * _frequency(Y[len(Y) // 2])  # rad/s of the rhythm
+    if min(variance, of_other) < MOVING**2 or speed > 2 * np.pi * TREMOR:
+        return None
+    flat = Y.reshape(len(Y), -1)
+    share = flat @ x / (x @ x)
+    if group[-1] in signals.flexing and other[-1] in signals.flexing:
+        share = np.maximum(share, 0.0)  # what moves together bends together
+    left = ((flat - share[:, None] * x) ** 2).reshape(Y.shape).mean(axis=2)
+    noise = NOISE**2 + (SHARE**2 + (0.5 * STEP * speed) ** 2) * variance
+    rest = np.zeros((len(Y), len(use)))
+    rest[:, use] = left
+    total = np.log(left + noise).sum(axis=1)
+    return _Shown(float(signals.lags[int(np.argmin(total))]), rest, noise)
+
+
+def _frequency(rate: Array) -> float:
+    """Mean frequency, Hz, of a rate in windows (K, m)."""
+    dt = joint_windows.AVERAGED / joint_windows.RATE
+    return float(np.sqrt(np.mean(np.diff(rate) ** 2) / np.mean(rate**2)) / (2 * np.pi * dt))
+
+
+def _least(shown: _Shown) -> Array:
+    best = int(np.argmin(np.log(shown.rest + shown.noise).sum(axis=1)))
+    return np.asarray(shown.rest[best])
+
+
+def _gain(lags: Array, shown: _Shown, k: int) -> tuple[Array, Array]:
+    """How much better (mean log ratio by window) the lag explains than none does, and how much each window tells; a rhythm's other lag near zero counts as none."""
+    total = np.log(shown.rest + shown.noise).sum(axis=1)
+    none = [i for i in range(1, len(lags) - 1) if _is_none(lags, total, i)]
+    least = min(none, key=lambda i: total[i])
+    before, after = shown.rest[least], shown.rest[k]
+    gain = paired_test.log_rest(before, np.full_like(before, shown.noise)) - paired_test.log_rest(
+        after, np.full_like(after, shown.noise)
+    )
+    return gain, paired_test.weight(before, after, np.full_like(before, shown.noise))
+
+
+def _is_none(lags: Array, total: Array, i: int) -> bool:
+    is_valley = total[i] <= min(total[i - 1], total[i + 1])
+    return bool(abs(lags[i]) <= NEAR_ZERO or (is_valley and abs(lags[i]) < LEAST))

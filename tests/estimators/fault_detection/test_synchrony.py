@@ -1,0 +1,84 @@
+"""Rates of what moves together: a late sensor or strip is named with its lag, fingers that drum or tremble are not."""
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+import pytest
+
+from handscope.estimators.data.samples import Block
+from handscope.estimators.fault_detection.neighbours import check_neighbours as neighbours
+from handscope.estimators.hand.anatomy import CHAINS
+from handscope.estimators.hand.geometry import sized
+from handscope.estimators.simulation.movements import task_performance as tasks
+from handscope.estimators.simulation.scenario import Simulated, simulate_performances
+from handscope.estimators.simulation.sensors import SensorErrors
+from tests.estimators.fault_detection.joint_recordings import delayed
+
+GEOMETRY = sized("left")
+
+
+@cache
+def done(task: str) -> Simulated:
+    """A task by a hand that rests."""
+    performed = [tasks.TASKS[name](GEOMETRY) for name in ("initial_pose", task)]
+    rng = np.random.default_rng(5)
+    return simulate_performances(performed, "left", GEOMETRY, rng, SensorErrors())
+
+
+def found(blocks: Sequence[Block]) -> list[tuple[str, tuple[str, ...]]]:
+    suspected = neighbours.check(blocks, "left", GEOMETRY, {}, [], [])
+    return [(s.message.code, s.sensors) for s in suspected if s.message.severity != "info"]
+
+
+@pytest.mark.parametrize("late", [0.2, 0.1, -0.15])
+def test_a_strip_that_is_late_against_fingers_that_move_with_it_is_named(late: float) -> None:
+    strip, recording = CHAINS["ring"], done("open_close")
+    suspected = neighbours.check(delayed(recording, strip, late), "left", GEOMETRY, {}, [], [])
+    (one,) = [s for s in suspected if s.message.severity != "info"]
+    assert one.message.code == ("sensors.late" if late > 0 else "sensors.early")
+    assert one.sensors == strip
+    assert one.correction is not None
+    np.testing.assert_allclose(one.correction["delay"], late, atol=0.02)  # type: ignore[call-overload]
+
+
+def test_a_strip_that_is_late_from_half_way_on_is_named_from_when_on() -> None:
+    recording, half = done("open_close"), 12.0
+    late = delayed(recording, CHAINS["index"], 0.2)
+    blocks = []
+    for before, after in zip(recording.blocks(), late):
+        rows = (before.t < half)[:, None, None]
+        blocks.append(Block(before.stream, before.t, np.where(rows, before.values, after.values)))
+    suspected = neighbours.check(blocks, "left", GEOMETRY, {}, [], [])
+    (one,) = [s for s in suspected if s.message.severity != "info"]
+    assert one.sensors == CHAINS["index"]
+    assert one.spans[0][0] == pytest.approx(half, abs=1.5)
+
+
+def test_a_sensor_that_is_late_in_gentle_movement_is_named() -> None:
+    assert found(delayed(done("rom_fist"), ["middle_middle"], 0.2)) == [
+        ("sensors.late", ("middle_middle",))
+    ]
+
+
+@pytest.mark.parametrize(
+    "task", ["open_close", "rom_fist", "finger_independence", "tremor_posture", "tapping"]
+)
+def test_fingers_of_an_intact_glove_are_not_late(task: str) -> None:
+    assert found(list(done(task).blocks())) == []
+
+
+def test_fingers_that_drum_one_after_the_other_are_not_late() -> None:
+    blocks = list(done("open_close").blocks())
+    for k, finger in enumerate(("little", "ring", "middle", "index")):
+        blocks = [_later(b, CHAINS[finger], 0.12 * k) for b in blocks]
+    assert not any(len(sensors) > 1 for _, sensors in found(blocks))
+
+
+def _later(block: Block, sensors: Sequence[str], by: float) -> Block:
+    values = block.values.copy()
+    for k in (block.stream.sensors.index(s) for s in sensors):
+        values[:, k] = np.stack(
+            [np.interp(block.t - by, block.t, c) for c in values[:, k].T], axis=1
+        )
+    return Block(block.stream, block.t, values)
