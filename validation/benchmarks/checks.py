@@ -16,7 +16,8 @@ from handscope.estimators.pipeline.process import process, whole_of
 from handscope.estimators.recording_checks.check import calibrations_of, suspicions_of
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.validation.benchmarks import Metric
-from handscope.validation.benchmarks.batch import MINUTE, REPEATS, recording_of
+from handscope.validation.benchmarks.batch import MINUTE, recording_of
+from handscope.validation.benchmarks.costs import time_of_work
 
 TICK = 0.1  # s between two blocks of the live session
 
@@ -28,7 +29,7 @@ def measure() -> list[Metric]:
     known = calibrations_of(recording)
 
     def per_minute(work: Callable[[], object]) -> float:
-        return _processor_time(work) / minutes
+        return time_of_work(work) / minutes
 
     readings = per_minute(lambda: check_recording(whole_of(recording), recording, known))
     every = per_minute(lambda: suspicions_of(recording, known))
@@ -50,16 +51,6 @@ def measure() -> list[Metric]:
     return found
 
 
-def _processor_time(work: Callable[[], object]) -> float:
-    """The least of several runs, s."""
-    spent = []
-    for _ in range(REPEATS):
-        began = time.process_time()
-        work()
-        spent.append(time.process_time() - began)
-    return min(spent)
-
-
 def _live(recording: Simulated) -> tuple[float, float]:
     """Processor time (s) of the tracker by `ekf` over the recording, and of a check of what came last."""
     method, pose = METHODS["ekf"], pose_of(recording.events[0])
@@ -74,5 +65,5 @@ def _live(recording: Simulated) -> tuple[float, float]:
             if tracking.calibration is None and stop > pose.end + 1.0:
                 tracking.calibrate(pose)
         spent = tracking.spent
-        cost = _processor_time(lambda: checks.check(recording.mounting))
+        cost = time_of_work(lambda: checks.check(recording.mounting))
     return spent, cost

@@ -2,6 +2,7 @@
 
 Speeds are compared as shares of a yardstick measured in the same run (`per`), so that a slow hour of the machine is no failure; what cannot be
 compared so has a wide `slack`, what is counted has none. Only a commit of its own moves baseline.json, and says why.
+The same shares are the line of a release in the table of docs/benchmarks.md.
 """
 
 import json
@@ -10,9 +11,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from handscope.estimators.errors import InputError
-from handscope.validation.benchmarks import BENCHES, Metric
+from handscope.validation.benchmarks import BENCHES, Metric, share_of_yardstick
 
 BASELINE = Path(__file__).with_name("baseline.json")
+COLUMNS = (  # of a release: benchmark, metric
+    ("batch", "m2 speed"),
+    ("batch", "ekf speed"),
+    ("batch", "m2 memory of 10 min"),
+    ("batch", "ekf memory of 10 min"),
+    ("cohort", "one recording"),
+    ("start", "process of 40 s, native"),
+    ("start", "process of 40 s, Motion-BIDS"),
+)
 
 
 @dataclass(frozen=True)
@@ -62,3 +72,16 @@ def find_regressions(
                     f"{name}: {wanted} is {value:.4g}{of}, the baseline {a.value:.4g}; {limit:.4g} would do"
                 )
     return messages
+
+
+def release_row(name: str, found: Mapping[str, Sequence[Metric]]) -> str:
+    """A line of the table; what was not measured is a dash."""
+    return f"| {' | '.join([name, *(_cell(found.get(b, ()), m) for b, m in COLUMNS)])} |"
+
+
+def _cell(metrics: Sequence[Metric], name: str) -> str:
+    m = next((m for m in metrics if m.name == name), None)
+    if m is None:
+        return "-"
+    share = share_of_yardstick(m, metrics)
+    return f"{m.value:.0f} {m.unit}" if share is None else f"{share:.3g}"

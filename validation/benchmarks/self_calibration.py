@@ -13,7 +13,7 @@ from handscope.estimators.simulation.movements import free_movement
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.validation.benchmarks import Metric
-from handscope.validation.benchmarks.peak import high_water
+from handscope.validation.benchmarks.costs import high_water
 
 LENGTHS = (10.0, 20.0, 40.0)  # s
 FINGER, HAND = (

@@ -3,6 +3,7 @@
 import argparse
 import json
 import platform
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -12,7 +13,13 @@ from handscope.app.commands.words import say
 from handscope.app.version import software_version
 from handscope.estimators.errors import InputError
 from handscope.sessions.tables_io.writing import save_file
-from handscope.validation.benchmarks import BENCHES, Metric, bench, gate
+from handscope.validation.benchmarks import (
+    BENCHES,
+    Metric,
+    bench,
+    gate,
+    share_of_yardstick,
+)
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -45,7 +52,9 @@ def run(arguments: argparse.Namespace) -> int:
         with threadpool_limits(1):
             found[name] = bench(name)()
         for metric in found[name]:
-            say(_line(name, metric))
+            say(_line(name, metric, found[name]))
+    if {"batch", "cohort", "start"} <= found.keys():
+        say(gate.release_row(software_version(), found))
     if arguments.json:
         machine = {
             "version": software_version(),
@@ -66,9 +75,11 @@ def run(arguments: argparse.Namespace) -> int:
     return 1 if regressions else 0
 
 
-def _line(name: str, m: Metric) -> str:
+def _line(name: str, m: Metric, metrics: Sequence[Metric]) -> str:
     sign = "at least" if m.better == "higher" else "at most"
     target = (
         "" if m.target is None else f"   target {sign} {m.target:g}: {'met' if m.met else 'MISSED'}"
     )
-    return f"{name:9} {m.name:36} {m.value:10.4g} {m.unit:12}{target}"
+    share = share_of_yardstick(m, metrics)
+    of = "" if share is None else f"{share:.3g} of the yardstick"
+    return f"{name:9} {m.name:36} {m.value:10.4g} {m.unit:12} {of:23}{target}".rstrip()

@@ -1,5 +1,6 @@
 """The benchmarks' own arithmetic: what fills the database, and that every page's requests are answered."""
 
+import time
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,17 @@ from handscope.app.settings import Settings
 from handscope.estimators.errors import InputError
 from handscope.sessions.db.tables import Patient, PatientSession, RecordingFile, Result
 from handscope.sessions.store.store import open_store
-from handscope.validation.benchmarks import BENCHES, Metric, bench, gate, load, pages
+from handscope.validation.benchmarks import (
+    BENCHES,
+    Metric,
+    bench,
+    costs,
+    gate,
+    load,
+    pages,
+    share_of_yardstick,
+    start,
+)
 
 
 @pytest.mark.parametrize("name", BENCHES)
@@ -73,6 +84,34 @@ def test_the_gate_knows_worse_from_better_and_from_a_slow_hour() -> None:
     assert gate.find_regressions(allowed, {"pages": []}) == []
 
 
+def test_a_figure_is_a_share_of_the_yardstick_of_its_unit_and_the_row_says_so() -> None:
+    yardstick = Metric("VQF alone (yardstick)", 2000.0, "x", None, "higher")
+    speed, memory = (
+        Metric("m2 speed", 500.0, "x", None, "higher"),
+        Metric("m2 memory of 10 min", 280.6, "MB", None, "lower"),
+    )
+    metrics = [yardstick, speed, memory]
+    assert [share_of_yardstick(m, metrics) for m in metrics] == [None, 0.25, None]
+    assert share_of_yardstick(speed, [speed]) is None
+    row = gate.release_row("1.0", {"batch": metrics})
+    assert row == "| 1.0 | 0.25 | - | 281 MB | - | - | - | - |"
+    text = (Path(__file__).parents[3] / "docs/benchmarks.md").read_text("utf-8")
+    table = text.partition("## Over releases")[2].split("\n\n")[2].splitlines()
+    assert {line.count("|") for line in table} == {row.count("|")}
+
+
+def test_processor_time_is_that_of_the_work_and_not_of_waiting() -> None:
+    def work() -> None:
+        time.sleep(0.02)
+
+    assert costs.time_of_work(work) < 0.02
+    idle, busy = (
+        costs.time_of_python(["-c", code])
+        for code in ("pass", "import time\nwhile time.process_time() < 0.3: pass")
+    )
+    assert idle < 0.25 < busy
+
+
 def test_load_grows_until_it_is_too_late_and_what_was_in_time_is_told(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -87,10 +126,8 @@ def test_load_grows_until_it_is_too_late_and_what_was_in_time_is_told(
 
 
 def test_the_committed_baseline_is_readable(tmp_path: Path) -> None:
-    assert {a.per for a in gate.read(gate.BASELINE)["batch"].values()} == {
-        "",
-        "VQF alone (yardstick)",
-    }
+    pers = {a.per for allowed in gate.read(gate.BASELINE).values() for a in allowed.values()}
+    assert pers == {"", "VQF alone (yardstick)", f"{start.IMPORTS} (yardstick)"}
     (tmp_path / "b.json").write_text('{"batch": {"speed": 3}}')
     with pytest.raises(InputError, match="no baseline"):
         gate.read(tmp_path / "b.json")

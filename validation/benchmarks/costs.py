@@ -1,0 +1,63 @@
+"""What work costs: processor time, which other work on the machine hardly changes, and the peak memory of a process that does nothing else."""
+
+import resource
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from handscope.estimators.data.samples import Block, Event, Stream
+from handscope.estimators.hand.geometry import sized
+from handscope.estimators.methods import METHODS
+from handscope.estimators.pipeline.process import process
+from handscope.sessions.files.recording import LoadedRecording
+
+REPEATS = 5
+
+
+def time_of_work(work: Callable[[], object]) -> float:
+    """Seconds, the median of several runs after one that warms up."""
+    work()
+    spent = []
+    for _ in range(REPEATS):
+        began = time.process_time()
+        work()
+        spent.append(time.process_time() - began)
+    return statistics.median(spent)
+
+
+def time_of_python(words: Sequence[str]) -> float:
+    """Seconds of a Python of its own and all that it starts, the median of several runs after one that warms up."""
+    command = [sys.executable, "-P", *words]
+    subprocess.run(command, check=True, capture_output=True)
+    return statistics.median(_of_command(command) for _ in range(REPEATS))
+
+
+def _of_command(command: Sequence[str]) -> float:
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(command, check=True, capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def memory_of_processing(
+    folder: str, stream: Stream, events: tuple[Event, ...], name: str
+) -> float:
+    """High water (MB) of this process after a method over the left hand's samples in t.npy and values.npy."""
+    block = Block(stream, np.load(f"{folder}/t.npy"), np.load(f"{folder}/values.npy"))
+    recording = LoadedRecording("left", sized("left"), {}, {stream.name: block}, events)
+    process(METHODS[name], METHODS[name].Params(), recording)
+    return high_water()
+
+
+def high_water() -> float:
+    """Peak resident memory of this process in MB; getrusage's would be that of the process which started it."""
+    status = Path("/proc/self/status").read_text()
+    return (
+        float(next(line.split()[1] for line in status.splitlines() if line.startswith("VmHWM")))
+        / 1024
+    )
