@@ -27,7 +27,7 @@ ENDS: tuple[tuple[End, int], ...] = (
 )  # and the direction in which it is more
 MORE, LEVEL = ("more", "less"), ("higher", "lower")
 LISTED = 10  # changes within the MDC at most that the print lists; of more it tells how many, so that a report stays a page
-DECIMALS = {"deg": 0, "per s": 2, "s": 3, "%": 1, "mm": 1, "mm/s": 0, "": 1}
+DECIMALS = {"deg": 0, "deg/s": 0, "per s": 2, "s": 3, "%": 1, "mm": 1, "mm/s": 0, "": 1}
 
 
 @dataclass(frozen=True)
@@ -126,8 +126,9 @@ def value_words(name: str, value: float, unit: str, language: Language) -> str:
 
 def amount(value: float, name: str, unit: str, language: Language) -> str:
     """A size in the unit a person reads: "8°", "0.40 per s"."""
-    number = language.number(value, 2 if name.endswith("_slope") else DECIMALS.get(unit, 2))
-    return with_unit(number, unit, language)
+    places = 2 if name.endswith("_slope") else DECIMALS.get(unit, 2)
+    whole = not unit and value == round(value)  # a count; the mean of several may be broken
+    return with_unit(language.number(value, 0 if whole else places), unit, language)
 
 
 def _paragraph(

@@ -100,7 +100,8 @@ def judged_by(
         default = edition.smallest_change_of_rate
         words = phrase("change.tapping_rate", size=default.value, source=default.source.name)
     elif (published := change_of_name(key[2], edition)) is not None:
-        size = f"{published.value:g} {published.unit}"
+        unit = "°" if published.unit == "deg" else f" {published.unit}"
+        size = f"{published.value:g}{unit}"
         return Judge(
             published.value,
             "published",

@@ -8,10 +8,10 @@ from typing import Any, Literal
 
 from handscope.app.language import Language
 from handscope.app.report.change_words import level_words
-from handscope.app.report.changes import Changes
+from handscope.app.report.changes import Change, Changes
 from handscope.app.report.content import Task
 from handscope.app.report.norms import norm_of
-from handscope.app.report.progress.importance import HEADLINES
+from handscope.app.report.progress.importance import FIRST, LESS_IS_BETTER, MORE_IS_BETTER
 from handscope.app.report.references import Edition, newest
 from handscope.app.report.sections.other_measures import share_words
 from handscope.app.report.sections.range_comparison import reference_of
@@ -52,7 +52,11 @@ def headlines(
     kept, tiles = values(rows), dict[str, list[dict[str, Any]]]()
     for task, measure, figure in figures:
         key = (measure, task, figure.name)
-        if (figure.what or figure.name) in HEADLINES.get(measure, ()) and key in kept:
+        if (
+            (figure.what or figure.name) in FIRST.get(measure, ())
+            and figure.part != "thumb"  # its motion has a row below
+            and key in kept
+        ):
             value, _ = kept.pop(key)
             shown = _tile(key, figure, value, language, changes, other, edition)
             tiles.setdefault(task, []).append(shown)
@@ -124,9 +128,7 @@ def _tile(
     against = []
     if theirs:
         hand = language.say(f"other.{other.hand}") if other else ""
-        moment = (
-            f"{language.short_day(other.started)} {language.hour(other.started)}" if other else ""
-        )
+        moment = f"{language.day(other.started)}, {language.hour(other.started)}" if other else ""
         words = _words(figure, theirs[0], language)
         against.append(language.labelled(f"{hand[:1].upper()}{hand[1:]}, {moment}", words))
     if norm := norm_of(figure.what or figure.name, figure.part, key[1], edition):
@@ -140,14 +142,32 @@ def _tile(
         "against": against,
         "change": level_words(change, language) if change else "",
         "beyond": bool(change and change.beyond),
+        "wanted": _wanted(figure),
+        "verdict": _verdict(figure, change),
     }
 
 
+def _wanted(figure: Figure) -> Literal["more", "less", ""]:
+    """Whether more of it is better."""
+    what = figure.what or figure.name
+    return "more" if what in MORE_IS_BETTER else "less" if what in LESS_IS_BETTER else ""
+
+
+def _verdict(figure: Figure, change: Change | None) -> Literal["better", "worse", ""]:
+    """What a change beyond the MDC is; of one within nothing is said."""
+    wanted = _wanted(figure)
+    if change is None or not change.beyond or not wanted:
+        return ""
+    return "better" if (change.value > 0) == (wanted == "more") else "worse"
+
+
 def _words(figure: Figure, value: float, language: Language) -> str:
-    read = reading(Figure(figure.name, value, figure.unit, ""))
-    return with_unit(
+    """A value in the unit a person reads; below zero it is said in words."""
+    read = reading(Figure(figure.name, abs(value), figure.unit, ""))
+    size = with_unit(
         language.number(read.value, places_of(read.value, read.unit)), read.unit, language
     )
+    return size if value >= 0 else language.say("progress.below_zero", size=size)
 
 
 def finger_rows(

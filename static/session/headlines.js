@@ -1,6 +1,6 @@
 /** The result at one glance: two to four figures a task with what they are compared with, and the joints that stay behind. */
 import { h } from "../dom.js";
-import { t } from "../words/words.js";
+import { day, t } from "../words/words.js";
 import { handMap } from "./hand_map.js";
 import * as jointCurve from "./joint_curve.js";
 import * as rangeBars from "./range_bars.js";
@@ -9,9 +9,9 @@ const BEHIND = ["small", "large"];
 const MDC = 12; // degrees, as the server judges (app/results/headlines.py)
 
 export function mount(root, api, { session, result }) {
-  const { headlines, joints } = result.readings;
+  const { headlines, joints, changes } = result.readings;
   if (!headlines.length && !joints.length) return () => {};
-  const tiles = (task) => h("div", { class: "tiles" }, task.tiles.map(tile));
+  const tiles = (task) => h("div", { class: "tiles" }, task.tiles.map((one) => tile(one, changes?.since)));
   const tasks = headlines.map((task) => h("div", {}, h("h3", {}, task.title), tiles(task)));
   const bars = h("div", {});
   const below = h("div", {});
@@ -23,20 +23,22 @@ export function mount(root, api, { session, result }) {
       "div",
       { class: "card" },
       h("h2", {}, t("headlines.title")),
-      h("div", { class: joints.length ? "glance" : "" }, drawn, h("div", { class: "stack" }, tasks, bars, below)),
+      h("div", { class: joints.length ? "glance" : "" }, drawn, h("div", { class: "stack" }, tasks, joints.length ? [bars, below] : [])),
     ),
   );
   return curve.unmount;
 }
 
-function tile({ label, value, against, change, beyond }) {
+function tile({ label, value, against, change, beyond, wanted, verdict }, since) {
+  const sense = wanted && h("span", { class: "sense" }, t(`headlines.wanted.${wanted}`));
+  const judged = verdict && h("span", { class: `badge ${verdict === "better" ? "good" : "bad"}` }, t(`headlines.${verdict}`));
   return h(
     "div",
     { class: `tile ${beyond ? "beyond" : ""}` },
-    h("p", { class: "soft small" }, label),
+    h("p", { class: "soft small" }, label, sense),
     h("p", { class: "value" }, value),
     against.map((words) => h("p", { class: "small" }, words)),
-    change && h("p", { class: "small judgement" }, change),
+    change && h("p", { class: "small judgement" }, t("headlines.since", { day: day(since), change }), " ", judged),
   );
 }
 

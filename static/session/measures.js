@@ -2,6 +2,7 @@
 import { h } from "../dom.js";
 import { field, select } from "../forms.js";
 import { t } from "../words/words.js";
+import { folded } from "./folded.js";
 import * as curves from "./measure_curves.js";
 import { versionOf } from "./references.js";
 
@@ -31,7 +32,7 @@ function section(measure, graded, drawn) {
     measure.gradings.length > 0 && field(t("measures.grading"), chosen, t("measures.grading.hint")),
     measure.advice.length > 0 && doubted(measure),
     measure.fingers.length > 0 && scrolled(measure, fingers(measure)),
-    measure.folded ? folded(measure, table) : scrolled(measure, table),
+    measure.folded ? folded(t("measures.all", { count: rows.length }), scrolled(measure, table)) : scrolled(measure, table),
     !measure.advice.length && measure.reason && h("p", { class: "hint" }, measure.reason),
     drawn,
     measure.limit && h("p", { class: "hint" }, measure.limit),
@@ -49,19 +50,6 @@ function fingers({ fingers }) {
   const line = ([name, ...cells]) =>
     h("tr", {}, h("th", { scope: "row" }, name), (changed ? cells : cells.slice(0, 3)).map((words) => h("td", {}, words)));
   return h("table", { class: "ranges" }, h("tbody", {}, fingers.map(line)));
-}
-
-/** Many figures, folded away, with a search by their names. */
-function folded(measure, table) {
-  const rows = [...table.querySelectorAll("tbody tr")];
-  const show = (words) => rows.forEach((row) => (row.hidden = !row.textContent.toLowerCase().includes(words)));
-  const search = h("input", {
-    type: "search",
-    "aria-label": t("measures.search"),
-    placeholder: t("measures.search"),
-    oninput: () => show(search.value.trim().toLowerCase()),
-  });
-  return h("details", {}, h("summary", {}, t("measures.all", { count: rows.length })), search, scrolled(measure, table));
 }
 
 /** Why figures cannot be trusted, and what to do about it. */

@@ -1,6 +1,6 @@
 /** Whether the numbers can be trusted: the answer first, why and what to do; the calibration is folded away. */
 import { h } from "../dom.js";
-import { segmentWords } from "../words/clinical.js";
+import { inWords, segmentWords } from "../words/clinical.js";
 import { decimal, t } from "../words/words.js";
 
 const LOOK = { yes: "good", mostly: "fair", no: "poor" };
@@ -25,7 +25,7 @@ export function mount(root, api, { result }) {
     h("p", { class: `trust ${LOOK[answer]}` }, words),
     ...(reasons.length ? [list(reasons)] : []),
     ...(todo.length ? [h("h3", {}, t("quality.todo")), list(todo)] : []),
-    ...(warnings.length ? [h("div", { class: "warning" }, list(warnings.map(readable)))] : []),
+    ...(warnings.length ? [h("div", { class: "warning" }, list(warnings.map(inWords)))] : []),
     details,
   );
   return () => {};
@@ -44,9 +44,4 @@ function calibration(measure) {
     ),
     h("dl", { class: "facts" }, rows),
   ];
-}
-
-/** A warning begins with a segment's name where it is about one. */
-function readable(words) {
-  return words.replaceAll("_", " ");
 }

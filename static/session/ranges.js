@@ -47,7 +47,7 @@ function line(row) {
     {},
     h("th", { scope: "row" }, `${row.group} ${row.joint}`.trim()),
     ["flexion", "extension", "sideways"].map((cell) =>
-      h("td", { class: "number" }, row[cell] || "–", row.changes[cell] && h("div", { class: "change" }, row.changes[cell])),
+      h("td", { class: `number ${cell}` }, row[cell] || "–", row.changes[cell] && h("div", { class: "change" }, row.changes[cell])),
     ),
     h("td", {}, grade, row.grade !== "good" && row.reasons.length > 0 && h("div", { class: "hint" }, several(row.reasons))),
   );

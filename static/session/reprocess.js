@@ -2,6 +2,7 @@
 import { h } from "../dom.js";
 import { errorBox, field, initial, onSubmit, select } from "../forms.js";
 import { labelled } from "../words/joined.js";
+import { degreeSigns } from "../words/clinical.js";
 import { t } from "../words/words.js";
 
 export function mount(root, api, { session, result, go }) {
@@ -43,7 +44,10 @@ export function mount(root, api, { session, result, go }) {
     function showOptions() {
       controls = new Map(chosen().options.map((o) => [o, control(o, result?.parameters?.[o.name] ?? o.default)]));
       options.replaceChildren(
-        ...[...controls].map(([o, input]) => field(labelOf(o), input, t("again.source", { initial: o.default, source: o.source }))),
+        ...[...controls].map(([o, input]) => {
+          const source = t("again.source", { initial: o.default, source: o.source });
+          return field(degreeSigns(labelOf(o)), input, degreeSigns(source));
+        }),
       );
     }
 

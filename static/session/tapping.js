@@ -3,6 +3,7 @@ import { h } from "../dom.js";
 import { errorBox } from "../forms.js";
 import { colour, makePlot } from "../plots/plot.js";
 import { decimal, known, plain, t } from "../words/words.js";
+import { folded } from "./folded.js";
 
 export const DECIMALS = {
   count: 0,
@@ -21,6 +22,7 @@ export const DECIMALS = {
   freezes: 0,
   longest_stop: 2,
 };
+const FIRST = ["count", "rate", "interval_mean", "amplitude_mean", "decrement_ratio"]; // the others are folded away
 const CHANGES = ["decrement_slope", "decrement_ratio"]; // read as smaller or larger, not as a sign
 
 export function mount(root, api, { result }) {
@@ -35,9 +37,11 @@ export function mount(root, api, { result }) {
 function one(root, api, result, trial, number) {
   const box = errorBox();
   const [curve, bars] = [h("div", { class: "tall" }), h("div", { class: "tall" })];
-  const rows = trial.figures.map((f) =>
-    h("tr", {}, h("th", { scope: "row" }, labelOf(f)), h("td", { class: "number" }, valueOf(f, trial))),
-  );
+  const row = (f) => h("tr", {}, h("th", { scope: "row" }, labelOf(f)), h("td", { class: "number" }, valueOf(f, trial)));
+  const caption = () => h("caption", { class: "visually-hidden" }, t("tapping.figures"));
+  const table = (figures) => h("table", {}, caption(), h("tbody", {}, figures.map(row)));
+  const first = trial.figures.filter((f) => FIRST.includes(shortOf(f)));
+  const all = t("measures.all", { count: trial.figures.length });
   root.append(
     h(
       "h2",
@@ -50,7 +54,7 @@ function one(root, api, result, trial, number) {
     h(
       "div",
       { class: "halves" },
-      h("table", {}, h("caption", { class: "visually-hidden" }, t("tapping.figures")), h("tbody", {}, rows)),
+      h("div", {}, table(first), folded(all, table(trial.figures))),
       h("div", {}, h("h3", {}, t("tapping.amplitudes")), bars),
     ),
     h("h3", {}, t("tapping.curve")),

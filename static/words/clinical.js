@@ -39,11 +39,13 @@ export function segmentWords(segment) {
 
 /** A sentence that names sensors as files do, in the words that people use: "index_distal: …" is "Index finger, end segment: …". */
 export function inWords(sentence) {
-  const words = sentence
-    .replace(SEGMENT, (segment) => segmentWords(segment))
-    .replace(/(\d) deg\/s\b/g, (whole, digit) => `${digit}°/s`)
-    .replace(/(\d) deg\b/g, (whole, digit) => `${digit}°`);
+  const words = degreeSigns(sentence.replace(SEGMENT, (segment) => segmentWords(segment)));
   return words.charAt(0).toUpperCase() + words.slice(1);
+}
+
+/** A text with "°" where the program's words have "deg". */
+export function degreeSigns(text) {
+  return text.replace(/(\d) deg\b/g, "$1°").replace(/\bdeg\b/g, "°");
 }
 
 /** "34° flexed", "4° extended", "0°". */

@@ -20,6 +20,18 @@ HEADLINES: Mapping[str, tuple[str, ...]] = {  # figures of a measure that come f
 }
 FIRST: Mapping[str, tuple[str, ...]] = {"total_active_motion": ("tam",), **HEADLINES}
 _MEASURES = list(FIRST)
+MORE_IS_BETTER = frozenset(
+    {
+        *(
+            f"{movement}_{name}"
+            for movement in ("tapping", "open_close", "pronation_supination")
+            for name in CYCLES
+        ),
+        *("tam", "whole_spread", "palmar_abduction", "radial_abduction", "pronation", "supination"),
+        *("kapandji_score", "reach_distance", "squeeze_force"),
+    }
+)
+LESS_IS_BETTER = frozenset({"reach_trunk_forward"})  # the arm reaches, not the trunk
 
 
 def rank(key: Key) -> tuple[int, int, str] | None:

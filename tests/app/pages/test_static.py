@@ -24,6 +24,7 @@ PARTS = [
 NOT_MOUNTED = {
     "replay_focus.js",
     "repetitions.js",
+    "folded.js",
     "confirmation.js",
     "passkey.js",
     "going_on.js",

@@ -35,9 +35,50 @@ def test_a_tile_names_the_other_hands_session_the_norm_and_the_change() -> None:
     )
     (tile,) = task["tiles"]
     assert (task["title"], tile["value"]) == ("Finger tapping", "2.50 per s")
-    assert tile["against"][0] == "Right hand, 24/11/2026 10:12 UTC: 3.00 per s"
+    assert tile["against"][0] == "Right hand, 24 November 2026, 10:12 UTC: 3.00 per s"
     assert tile["against"][1].startswith("Others measured: 3.57 ± 0.87")
     assert (tile["change"], tile["beyond"]) == ("0.40 per s higher, within MDC", False)
+    assert (tile["wanted"], tile["verdict"]) == ("more", "")
+
+
+@pytest.mark.parametrize(
+    ("measure", "what", "unit", "value", "verdict"),
+    [
+        ("tapping", "tapping_rate", "per s", 1.5, "better"),
+        ("tapping", "tapping_rate", "per s", -1.5, "worse"),
+        ("reach", "reach_trunk_forward", "mm", -30.0, "better"),
+        ("squeeze", "squeeze_depth", "mm", -30.0, ""),  # neither is known to be better
+    ],
+)
+def test_a_change_beyond_measurement_error_is_said_to_be_better_or_worse(
+    measure: str, what: str, unit: str, value: float, verdict: str
+) -> None:
+    change = Change(measure, measure, what, value, unit, 1.0, "published", ())
+    figure = Figure(what, 2.0, "Hz" if unit == "per s" else "m", "x", what=what)
+    found = headlines([(measure, measure, figure)], {}, EN, Changes(MOMENT, (change,)), None, None)
+    assert found[0]["tiles"][0]["verdict"] == verdict
+
+
+def test_a_fist_has_a_tile_for_each_long_fingers_total_motion() -> None:
+    rows = [
+        (
+            "rom_fist",
+            "total_active_motion",
+            Figure(f"{finger}_tam", 4.0, "rad", "x", part=finger, what="tam"),
+        )
+        for finger in ("thumb", "index", "middle", "ring", "little")
+    ]
+    (task,) = headlines(rows, {}, EN, None, None, None)
+    assert [tile["label"].split(":")[0] for tile in task["tiles"]] == [
+        "Index", "Middle", "Ring", "Little",
+    ]  # fmt: skip
+    assert task["tiles"][0]["value"] == "229°"
+
+
+def test_a_value_below_zero_is_said_in_words() -> None:
+    smaller = Figure("tapping_decrement_ratio", -0.016, "1", "x", what="tapping_decrement_ratio")
+    (task,) = headlines([("tapping", "tapping", smaller)], {}, EN, None, None, None)
+    assert task["tiles"][0]["value"] == "1.6 % smaller"
 
 
 def test_a_figure_that_was_not_measured_has_no_tile() -> None:

@@ -10,7 +10,7 @@ from handscope.app.language import languages
 from tests.journeys.house import Server, api, new_patient, shown, simulate
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
-KEY = re.compile(r"(?<![\w./-])[a-z]+\d*(?:_[a-z0-9]+)+(?![\w./-])")
+KEY = re.compile(r"(?<![\w./-])[a-z]+\d*(?:_[a-z0-9]+)+(?![\w./-])|\d deg\b")
 MARKUP = re.compile(r"<(style|script).*?</\1>|<[^>]*>", re.S)
 WORDS = """() => {
   document.querySelectorAll("details").forEach((one) => (one.open = true));
