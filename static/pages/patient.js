@@ -1,5 +1,5 @@
 /** A patient: begin a session, upload a recording, what was done before, facts, hand measures, notes. */
-import { assemble, h, icon } from "../dom.js";
+import { assemble, h } from "../dom.js";
 import { errorBox } from "../forms.js";
 import { banner, openedInEmergency } from "../patient/emergency.js";
 import * as facts from "../patient/facts.js";
@@ -48,7 +48,7 @@ export function mount(root, api, { id, go, title, roles }) {
         h(
           "div",
           { class: "head" },
-          h("div", {}, h("p", { class: "trail" }, h("a", { href: "/" }, t("patients.title")), icon("chevron-right")), heading, about),
+          h("div", {}, h("p", { class: "trail" }, h("a", { href: "/" }, t("patients.title"))), heading, about),
         ),
         h(
           "div",

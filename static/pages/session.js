@@ -132,7 +132,7 @@ function trail(session) {
     "p",
     { class: "trail" },
     [h("a", { href: "/" }, t("patients.title")), icon("chevron-right")],
-    [h("a", { href: `/patients/${session.patient.id}` }, session.patient.pseudonym), icon("chevron-right")],
+    h("a", { href: `/patients/${session.patient.id}` }, session.patient.pseudonym),
   );
 }
 

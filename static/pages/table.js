@@ -93,11 +93,8 @@ export function mount(root, api, { id, go, title }) {
 const lead = () => h("p", { class: "soft" }, t("table.lead"));
 
 function trail(patient) {
-  const links = [
-    ["/", "patients.title"],
-    [`/patients/${patient}`, "table.patient"],
-  ].map(([href, words]) => [h("a", { href }, t(words)), icon("chevron-right")]);
-  return h("p", { class: "trail" }, links);
+  const link = (href, words) => h("a", { href }, t(words));
+  return h("p", { class: "trail" }, link("/", "patients.title"), icon("chevron-right"), link(`/patients/${patient}`, "table.patient"));
 }
 
 const store = (seen) => h("button", { class: "primary large", type: "submit", disabled: !seen.map }, t("table.store"));

@@ -40,6 +40,7 @@ function visit(session, titles, finish) {
     t(`hand.${session.hand}.title`),
     session.duration && t("visits.length", { clock: clock(session.duration) }),
     t(`visits.source.${session.source}`),
+    session.warnings && counted("warnings", session.warnings),
   ];
   const state = finish ? t("visits.unfinished") : t(`session.state.${session.state}`);
   return h(
@@ -49,7 +50,6 @@ function visit(session, titles, finish) {
     h("span", { class: `badge ${KIND[session.state] ?? ""}` }, state),
     h("span", { class: "soft" }, facts.filter(Boolean).join(" · ")),
     tasks && h("span", { class: "soft" }, tasks),
-    session.calibration && h("span", { class: "soft" }, calibration(session)),
     session.recorded_as && h("span", { class: "soft" }, corrected(session)),
     session.doubts.map((doubt) => h("p", { class: "warning" }, t(`date.${doubt}`))),
     finish,
@@ -57,10 +57,3 @@ function visit(session, titles, finish) {
 }
 
 const corrected = ({ recorded_as: said, date_reason: reason }) => t("dating.corrected", { said: dayAndTime(said), reason });
-
-/** @param {import("../types/api.d.ts").Visit} session */
-function calibration({ calibration, warnings }) {
-  const still = calibration.largest.find((row) => row.name === "rate_wander");
-  const words = t("visits.calibration", { source: calibration.source, still: still.value });
-  return warnings ? `${words} · ${counted("warnings", warnings)}` : words;
-}
