@@ -12,6 +12,7 @@ from handscope.estimators.data.options import Description, describe
 from handscope.estimators.messages.sentence import with_code
 from handscope.estimators.methods import DEFAULT, OFFERED
 
+PROTOCOL_TEXTS = frozenset({"title", "instruction", "source", "say", "hint"})
 router = APIRouter(tags=["methods"], dependencies=[requires_role(*EVERY_ACCOUNT)])
 
 
@@ -24,7 +25,11 @@ def list_methods(language: LanguageDep) -> list[dict[str, Any]]:
             "title": language.translate(m.TITLE),
             "default": name == DEFAULT,
             "options": [
-                asdict(d) | {"meaning": language.translate(meaning_of(name, d))}
+                asdict(d)
+                | {
+                    "meaning": language.translate(meaning_of(name, d)),
+                    "source": language.translate(source_of(name, d)),
+                }
                 for d in describe(m.Params)
             ],
         }
@@ -38,11 +43,16 @@ def meaning_of(method: str, option: Description) -> str:
     return with_code(f"method_option.{method}_{option.name}", shared)
 
 
+def source_of(method: str, option: Description) -> str:
+    """Where an option's value comes from, as `meaning_of`."""
+    shared = with_code(f"option_source.{option.name}", option.source)
+    return with_code(f"option_source.{method}_{option.name}", shared)
+
+
 @router.get("/protocols")
 def list_protocols(parts: PartsDep, language: LanguageDep) -> list[dict[str, Any]]:
     """Tasks that patients can be asked to do, in the language of the page."""
     return [
-        asdict(p)
-        | {"title": language.translate(p.title), "instruction": language.translate(p.instruction)}
+        language.translate_keys(asdict(p), PROTOCOL_TEXTS)
         for p in offered(parts.store.folder)[0].values()
     ]

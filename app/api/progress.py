@@ -73,14 +73,19 @@ def _progress_payload(history: Progress, aims: Aims, language: Language) -> dict
             for hand, occasions in history.sessions.items()
         },
         "series": [
-            {**_series(s, judges, aims), "label": label(s.name, language)} for s in history.series
+            {**_series(s, judges, aims, language), "label": label(s.name, language)}
+            for s in history.series
         ],
     }
 
 
-def _series(s: Series, judges: list[Judge], aims: Aims) -> dict[str, Any]:
+def _series(s: Series, judges: list[Judge], aims: Aims, language: Language) -> dict[str, Any]:
     reference = (
-        {"value": s.reference.degrees, "source": s.reference.source.name, "note": s.reference.note}
+        {
+            "value": s.reference.degrees,
+            "source": language.translate(s.reference.source.name),
+            "note": language.translate(s.reference.note),
+        }
         if s.reference
         else None
     )

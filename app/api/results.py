@@ -29,6 +29,7 @@ from handscope.sessions.clinic.corrections import without_reasons
 from handscope.sessions.db.tables import Result
 from handscope.sessions.exports import FORMATS, download_ending
 
+FIGURE_TEXTS = frozenset({"reason", "meaning", "source", "sd_basis"})
 router = APIRouter(
     prefix="/results", tags=["results"], dependencies=[requires_role(CLINICIAN, SCIENTIST)]
 )
@@ -76,7 +77,8 @@ def read_result(
         found.compared.edition if found else None,
         found.stored.other if found else None,
     )
-    head = {"id": r.id} if lean else {"id": r.id, "figures": r.figures}
+    texts = language.translate_keys([] if lean else r.figures, FIGURE_TEXTS)
+    head = {"id": r.id} if lean else {"id": r.id, "figures": texts}
     return {
         **head,
         "session": r.recording.session_id,

@@ -33,7 +33,7 @@ CODE = re.compile(r"[a-z]{2,3}")
 PARTS = ("pages", "words")
 PLURALS = {"zero", "one", "two", "few", "many", "other"}  # of the Unicode CLDR
 SEGMENT = re.compile(rf"\b({'|'.join(sorted(SEGMENTS, key=len, reverse=True))})\b(?!_)")
-NUMBER = re.compile(r"(?<![\w.])\d+\.\d+(?![\w.])")
+NUMBER = re.compile(r"(?<![\w.])\d+\.\d+(?![\w./])")
 
 
 @dataclass(frozen=True, eq=False)

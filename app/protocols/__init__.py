@@ -251,7 +251,11 @@ def _with_codes(p: Protocol) -> Protocol:
     )
     title = with_code(f"task_title.{p.name}", p.title)
     instruction = with_code(f"task_instruction.{p.name}", p.instruction)
-    return replace(p, title=title, instruction=instruction, cycle=phases, score=score)
+    shared = with_code(f"task_source.{p.group}", p.source)
+    source = with_code(f"task_source.{p.name}", shared)
+    return replace(
+        p, title=title, instruction=instruction, source=source, cycle=phases, score=score
+    )
 
 
 def _fault(file: str, text: str, sentence: str) -> InputError:

@@ -7,6 +7,8 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, Literal
 
+from handscope.estimators.messages.sentence import with_code
+
 FILE = Path(__file__).with_name("reference_values.json")
 
 
@@ -60,7 +62,9 @@ class Edition:
                 v["end"],
                 float(v["degrees"]),
                 self.source(v["source"]),
-                v.get("note", ""),
+                with_code(
+                    f"reference_note.{v['joints'][0]}_{v['angle']}_{v['end']}", v.get("note", "")
+                ),
             )
             for v in self.data["values"]
             for joint in v["joints"]
@@ -81,7 +85,11 @@ class Edition:
         )
 
     def source(self, key: str) -> Source:
-        return Source(**self.data["sources"][key])
+        found = self.data["sources"][key]
+        return Source(
+            with_code(f"norm_name.{key}", found["name"]),
+            with_code(f"norm_reference.{key}", found["reference"]),
+        )
 
 
 @cache

@@ -12,17 +12,17 @@ import orjson
 from handscope.app.language import ENGLISH
 from handscope.app.report.content import Content
 from handscope.app.report.units import reading
-from handscope.estimators.messages.sentence import codes_of
+from handscope.estimators.messages.sentence import add_codes, codes_of, phrase
 from handscope.sessions.tables_io.spreadsheet import write_table
 
 SIGNS = (
-    "angles: flexion, ulnar deviation and pronation are positive; extension, radial deviation and supination are negative; the same on both hands",
-    "finger abduction is away from the middle finger: radial for the index, ulnar for the ring and little finger",
-    "thumb CMC: flexion is palmar abduction, radial deviation is radial abduction",
-    "value is in unit, value_si and sd_si are in unit_si; empty where not measured, reason says why",
+    phrase("table_note.signs"),
+    phrase("table_note.abduction"),
+    phrase("table_note.thumb"),
+    phrase("table_note.units"),
 )
 COLUMNS = (
-    "task", "onset_s", "end_s", "measure", "name", "value", "unit", "value_si", "sd_si", "unit_si", "grade", "reason", "source", "reason_codes"
+    "task", "onset_s", "end_s", "measure", "name", "value", "unit", "value_si", "sd_si", "unit_si", "grade", "reason", "source", "reason_codes", "source_codes"
 )  # fmt: skip
 TAG, NOTICE = ENGLISH.say("notice.short"), ENGLISH.say("notice")
 
@@ -34,26 +34,28 @@ def csv(content: Content) -> bytes:
 
 
 def json(content: Content) -> bytes:
-    """The same rows with the session, the calibration and the provenance; keys in a fixed order."""
+    """The same rows with the session, the calibration and the provenance; keys in a fixed order, codes beside texts of ours."""
     return orjson.dumps(
-        {
-            "notice": f"{TAG} {NOTICE}",
-            "signs": SIGNS,
-            "session": _session(content),
-            "recording": content.recording,
-            "method": content.method,
-            "calibrations": content.calibrations,
-            "measured_segments": content.measured,
-            "flagged": content.flagged,
-            "warnings": content.warnings,
-            "changes": content.changes,
-            "compared_with": _compared(content),
-            "scores": content.scores,
-            "not_done": content.not_done,
-            "left_out": content.left_out,
-            "self_calibration": content.self_calibration,
-            "figures": rows(content),
-        },
+        add_codes(
+            {
+                "notice": f"{TAG} {NOTICE}",
+                "signs": SIGNS,
+                "session": _session(content),
+                "recording": content.recording,
+                "method": content.method,
+                "calibrations": content.calibrations,
+                "measured_segments": content.measured,
+                "flagged": content.flagged,
+                "warnings": content.warnings,
+                "changes": content.changes,
+                "compared_with": _compared(content),
+                "scores": content.scores,
+                "not_done": content.not_done,
+                "left_out": content.left_out,
+                "self_calibration": content.self_calibration,
+                "figures": rows(content),
+            }
+        ),
         default=str,
         option=orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_INDENT_2,
     )
@@ -82,6 +84,7 @@ def rows(content: Content) -> list[dict[str, Any]]:
             "reason": f.reason,
             "source": f.source,
             "reason_codes": " ".join(sorted(codes_of(f.reason))),
+            "source_codes": " ".join(sorted(codes_of(f.source))),
         }
         for task in content.tasks
         for f in task.result.figures

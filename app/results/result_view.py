@@ -42,6 +42,7 @@ FOLDING = (
     "pronation_supination",
     "independence",
 )  # measures that have a headline or a table of their own
+NORM_TEXTS = frozenset({"name", "reference", "note"})
 CALIBRATION = {"rate_wander": "deg/s", "tilt_change": "deg", "bias": "deg/s", "misalignment": "deg"}
 
 
@@ -130,7 +131,7 @@ def _figure_payload(
     return {
         **{
             key: row.get(key, "")
-            for key in ("task", "measure", "onset", "name", "grade", "category", "detail", "source")
+            for key in ("task", "measure", "onset", "name", "grade", "category", "detail")
         },
         "part": part,
         "what": what,
@@ -140,8 +141,11 @@ def _figure_payload(
         "reason": language.translate(row["reason"]),
         "codes": sorted(codes_of(row["reason"])),
         "meaning": language.translate(row.get("meaning", "")),
+        "meaning_codes": sorted(codes_of(row.get("meaning", ""))),
+        "source": language.translate(row["source"]),
+        "source_codes": sorted(codes_of(row["source"])),
         "sd_basis": language.translate(row.get("sd_basis", "")),
-        "norm": asdict(norm) if norm else None,
+        "norm": language.translate_keys(asdict(norm), NORM_TEXTS) if norm else None,
     }
 
 

@@ -24,22 +24,22 @@ from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 
 TITLE = phrase("measure_title.circles")
-SOURCE = "task: Kortier, thesis Table 3.1; definition ours: ellipse of the covariance"
+SOURCE = phrase("figure_source.circles")
 KINDS = kinds(
-    Kind("circles_count", "1", "whole turns about the middle of the movement", SOURCE),
-    Kind("circles_rate", "Hz", "turns per second", SOURCE),
+    Kind("circles_count", "1", phrase("figure_meaning.circles_count"), SOURCE),
+    Kind("circles_rate", "Hz", phrase("figure_meaning.circles_rate"), SOURCE),
     Kind(
         "circles_long",
         "rad",
-        "longer half axis of the mean ellipse of flexion and deviation",
+        phrase("figure_meaning.circles_long"),
         SOURCE,
     ),
-    Kind("circles_short", "rad", "shorter half axis of that ellipse", SOURCE),
-    Kind("circles_roundness", "1", "shorter over longer half axis: 1 is a circle", SOURCE),
+    Kind("circles_short", "rad", phrase("figure_meaning.circles_short"), SOURCE),
+    Kind("circles_roundness", "1", phrase("figure_meaning.circles_roundness"), SOURCE),
     Kind(
         "circles_scatter_share",
         "1",
-        "rms distance from the mean ellipse, in shares of its size",
+        phrase("figure_meaning.circles_scatter_share"),
         SOURCE,
     ),
 )

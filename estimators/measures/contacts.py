@@ -21,7 +21,7 @@ from handscope.estimators.measures.time_window import grade_window
 from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 
-SALCHOW = "Salchow-Hoemmen 2019, (30), (31) and Table 5"
+SALCHOW = phrase("figure_source.salchow")
 
 
 @dataclass(frozen=True)

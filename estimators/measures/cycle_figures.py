@@ -7,6 +7,7 @@ Source  named with each figure. Standard deviations are ours: a closing is known
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,108 +19,127 @@ from handscope.estimators.numerics.typing import Array
 SLOPE = "Ling 2012 (Brain 135:1141), Djuric-Jovicic 2016 (J Clin Neurosci 30:49)"
 FATIGUE = "mhealthtools (Sage Bionetworks), fatigue10, 25, 50"
 HALVES = "Islam 2023 (npj Digit Med 6:156)"
-FIRST = "ours: the ten movements that MDS-UPDRS items 3.4 to 3.6 ask for"
-SPEED = "ours: largest slope in either part of a cycle"
+FIRST = phrase("figure_source.first_ten")
+SPEED = phrase("figure_source.largest_slope")
 FEW = phrase("measure.too_few_taps")
 FATIGUE_SHARES = (10, 25, 50)  # per cent at either end
 Graded = tuple[Grade, str]
 
 
-def time_kinds(prefix: str, one: str) -> Mapping[str, Kind]:
-    """Kinds of figures about when; `one` is the word for a cycle."""
-    fatigue = "mean time from closing to closing in the last {0} % of the {1}s taken off that in the first {0} %"
+@dataclass(frozen=True)
+class CycleWords:
+    """What a cycle is called in the figures' definitions."""
+
+    one: str
+    several: str
+
+
+def time_kinds(prefix: str, words: CycleWords) -> Mapping[str, Kind]:
+    """Kinds of figures about when."""
+    one, several = words.one, words.several
     return kinds(
-        Kind(f"{prefix}_count", "1", f"complete {one}s, from one closing to the next", RETAP),
-        Kind(
-            f"{prefix}_rate", "Hz", f"{one}s per second, of the time that complete ones took", RETAP
-        ),
-        Kind(f"{prefix}_interval_mean", "s", "mean time from one closing to the next", RETAP),
-        Kind(
-            f"{prefix}_interval_cv",
-            "1",
-            "standard deviation of the times between closings over their mean",
-            RETAP,
-        ),
+        Kind(f"{prefix}_count", "1", phrase("figure_meaning.cycle_count", cycles=several), RETAP),
+        Kind(f"{prefix}_rate", "Hz", phrase("figure_meaning.cycle_rate", cycles=several), RETAP),
+        Kind(f"{prefix}_interval_mean", "s", phrase("figure_meaning.cycle_interval_mean"), RETAP),
+        Kind(f"{prefix}_interval_cv", "1", phrase("figure_meaning.cycle_interval_cv"), RETAP),
         Kind(
             f"{prefix}_interval_slope",
             "s",
-            f"change of the time between closings from {one} to {one}, by least squares",
+            phrase("figure_meaning.cycle_interval_slope", cycle=one),
             RETAP,
             detail=True,
         ),
-        Kind(f"{prefix}_first_rate", "Hz", f"rate of the first ten {one}s", FIRST),
+        Kind(
+            f"{prefix}_first_rate",
+            "Hz",
+            phrase("figure_meaning.cycle_first_rate", cycles=several),
+            FIRST,
+        ),
         *(
-            Kind(f"{prefix}_fatigue{p}", "s", fatigue.format(p, one), FATIGUE, detail=p != 25)
+            Kind(
+                f"{prefix}_fatigue{p}",
+                "s",
+                phrase("figure_meaning.cycle_fatigue", share=p, cycles=several),
+                FATIGUE,
+                detail=p != 25,
+            )
             for p in FATIGUE_SHARES
         ),
     )
 
 
-def size_kinds(prefix: str, one: str, unit: str, opening: str) -> Mapping[str, Kind]:
+def size_kinds(prefix: str, words: CycleWords, unit: str, opening: str) -> Mapping[str, Kind]:
     """Kinds of figures about how far and how fast; `opening` says what opens."""
-    change = f"change of amplitude from {one} to {one}, by least squares"
+    one, several = words.one, words.several
     return kinds(
         Kind(
             f"{prefix}_amplitude_mean",
             unit,
-            f"mean over the {one}s of the largest {opening}, that at the closings taken off",
+            phrase("figure_meaning.cycle_amplitude_mean", cycles=several, opening=opening),
             SLOPE,
         ),
-        Kind(
-            f"{prefix}_amplitude_cv",
-            "1",
-            "standard deviation of the amplitudes over their mean",
-            SLOPE,
-        ),
+        Kind(f"{prefix}_amplitude_cv", "1", phrase("figure_meaning.cycle_amplitude_cv"), SLOPE),
         Kind(
             f"{prefix}_opening_speed_mean",
             f"{unit}/s",
-            f"mean over the {one}s of the fastest opening",
+            phrase("figure_meaning.cycle_opening_speed_mean", cycles=several),
             SPEED,
         ),
         Kind(
             f"{prefix}_closing_speed_mean",
             f"{unit}/s",
-            f"mean over the {one}s of the fastest closing",
+            phrase("figure_meaning.cycle_closing_speed_mean", cycles=several),
             SPEED,
         ),
-        Kind(f"{prefix}_decrement_slope", unit, change, SLOPE),
+        Kind(
+            f"{prefix}_decrement_slope",
+            unit,
+            phrase("figure_meaning.cycle_decrement_slope", cycle=one),
+            SLOPE,
+        ),
         Kind(
             f"{prefix}_decrement_ratio",
             "1",
-            f"mean amplitude of the last five {one}s less that of the first five, over the latter",
+            phrase("figure_meaning.cycle_decrement_ratio", cycles=several),
             RETAP,
         ),
         Kind(
             f"{prefix}_half_decrement",
             unit,
-            f"mean amplitude of the first half of the {one}s less that of the second",
+            phrase("figure_meaning.cycle_half_decrement", cycles=several),
             HALVES,
             detail=True,
         ),
         Kind(
-            f"{prefix}_first_amplitude_mean", unit, f"mean amplitude of the first ten {one}s", FIRST
+            f"{prefix}_first_amplitude_mean",
+            unit,
+            phrase("figure_meaning.cycle_first_amplitude_mean", cycles=several),
+            FIRST,
         ),
         Kind(
             f"{prefix}_first_decrement_slope",
             unit,
-            f"{change}, of the first ten {one}s",
+            phrase("figure_meaning.cycle_first_decrement_slope", cycle=one, cycles=several),
             FIRST,
             detail=True,
         ),
     )
 
 
-def stop_kinds(prefix: str, of: str) -> Mapping[str, Kind]:
-    """Kinds of figures about stops; `of` says the angle that hardly changes."""
-    slow = f"stretches in which {of} changes by at most 50 deg/s for at least"
+def stop_kinds(prefix: str, angle: str) -> Mapping[str, Kind]:
+    """Kinds of figures about stops of an angle."""
     return kinds(
-        Kind(f"{prefix}_interruptions", "1", f"{slow} 0.2 s, freezes included", ISLAM),
-        Kind(f"{prefix}_freezes", "1", f"{slow} 0.3 s", ISLAM),
+        Kind(
+            f"{prefix}_interruptions",
+            "1",
+            phrase("figure_meaning.cycle_interruptions", angle=angle),
+            ISLAM,
+        ),
+        Kind(f"{prefix}_freezes", "1", phrase("figure_meaning.cycle_freezes", angle=angle), ISLAM),
         Kind(
             f"{prefix}_longest_stop",
             "s",
-            f"the longest stretch in which {of} changes by at most 50 deg/s, of those of at least 0.2 s",
+            phrase("figure_meaning.cycle_longest_stop", angle=angle),
             ISLAM,
         ),
     )

@@ -11,7 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from handscope.estimators.measures import cycle_figures, cycles
-from handscope.estimators.measures.cycle_figures import size_kinds, stop_kinds, time_kinds
+from handscope.estimators.measures.cycle_figures import (
+    CycleWords,
+    size_kinds,
+    stop_kinds,
+    time_kinds,
+)
 from handscope.estimators.measures.cycles import Cycles, Params, Stops
 from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds
 from handscope.estimators.measures.plot_data import Curve, PlotData
@@ -30,17 +35,18 @@ class Words:
     """What a measure's figures are called."""
 
     prefix: str
-    one: str  # a cycle
-    angle: str  # what opens
+    cycle: CycleWords
+    opening: str  # the angle that opens, "angle by which the palm faces up"
+    angle: str  # the same where it stands alone, "the angle by which the palm faces up"
 
     def times(self) -> Mapping[str, Kind]:
-        return time_kinds(self.prefix, self.one)
+        return time_kinds(self.prefix, self.cycle)
 
     def sizes(self) -> Mapping[str, Kind]:
-        return size_kinds(self.prefix, self.one, "rad", self.angle)
+        return size_kinds(self.prefix, self.cycle, "rad", self.opening)
 
     def stops(self) -> Mapping[str, Kind]:
-        return stop_kinds(self.prefix, "the " + self.angle)
+        return stop_kinds(self.prefix, self.angle)
 
     def kinds(self) -> Mapping[str, Kind]:
         return kinds(*self.times().values(), *self.sizes().values(), *self.stops().values())

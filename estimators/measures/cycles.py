@@ -20,7 +20,7 @@ from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 
 DEG = np.pi / 180
-ISLAM = "Islam 2023 (npj Digit Med 6:156), constants of its code"
+ISLAM = phrase("figure_source.islam_constants")
 SMALL = 0.4  # of the least prominence: a tenth of the range, movement that is seen but no cycle
 OVERLOOKED = 0.1  # share of such movements from which on the trial's reason mentions them
 RETAP = "ReTap (Habets 2023, doi 10.3390/s23115238)"

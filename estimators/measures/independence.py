@@ -29,25 +29,23 @@ TITLE = phrase("measure_title.finger_independence")
 DEG = np.pi / 180
 NOORT = "van den Noort 2016 (PLoS ONE 0168636)"
 KINDS = kinds(
-    Kind(
-        "sum_range", "rad", "from the smallest to the largest sum of the finger's flexions", NOORT
-    ),
+    Kind("sum_range", "rad", phrase("figure_meaning.sum_range"), NOORT),
     Kind(
         "individuation_index",
         "1",
-        "1: no other finger moves with this one; 0: all move as far",
+        phrase("figure_meaning.individuation_index"),
         "Schieber 1991 (J Neurophysiol 65:1381)",
     ),
     Kind(
         "enslaving_share",
         "1",
-        "summed range of the finger that was to stay, over that of the finger asked for (its neighbour)",
+        phrase("figure_meaning.enslaving_share"),
         NOORT,
     ),
     Kind(
         "independent_share",
         "1",
-        "share of its summed range that the finger had bent when the first neighbour had moved by more than 5 deg",
+        phrase("figure_meaning.independent_share"),
         NOORT,
     ),
 )

@@ -52,25 +52,23 @@ CREASE = (
 ESTIMATED = phrase("measure.estimated_from_distances")
 CRAWLING = phrase("measure.thumb_crawls")
 KINDS = kinds(
-    Kind(
-        "kapandji_score", "1", "the highest of Kapandji's places that the thumb reached", KAPANDJI
-    ),
+    Kind("kapandji_score", "1", phrase("figure_meaning.kapandji_score"), KAPANDJI),
     Kind(
         "kapandji_distance",
         "m",
-        "smallest distance from the thumb's tip or pad to the place that was held",
-        KAPANDJI + "; landmarks ours",
+        phrase("figure_meaning.kapandji_distance"),
+        join((KAPANDJI, phrase("figure_source.own_landmarks"))),
     ),
     Kind(
         "opposition_abduction",
         "rad",
-        "largest palmar abduction of the thumb's metacarpal meanwhile",
+        phrase("figure_meaning.opposition_abduction"),
         "J Hand Surg Eur 2019, 44:728",
     ),
     Kind(
         "opposition_pronation",
         "rad",
-        "largest pronation of the thumb's metacarpal meanwhile",
+        phrase("figure_meaning.opposition_pronation"),
         "J Hand Surg Eur 2019, 44:728",
     ),
 )

@@ -28,8 +28,9 @@ from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array, Bools
 
 TITLE = phrase("measure_title.lift")
-KORTIER = "Kortier, thesis ch. 6"
-PHASES = "phases of grasp and transport: PMC3305822, Fig. 1"
+KORTIER = phrase("figure_source.thesis_6")
+PHASES = phrase("figure_source.grasp_phases")
+WORK = join((KORTIER, phrase("figure_source.power")))
 HEIGHT_ERROR = (
     5e-4  # m/s^2: of an acceleration error of 5 mm/s^2 that changes within the grasp a tenth; ours
 )
@@ -37,20 +38,20 @@ WEIGHS = 2.0  # standard deviations above nothing that are asked of a mass: what
 QUIET = 1e-3  # N: less than any sensor's noise, so that what is left over tells it
 NONE = phrase("lift.no_force")
 KINDS = kinds(
-    Kind("lift_count", "1", "times that something was lifted", "ours"),
-    Kind("lift_mass", "kg", "estimated mass of what was lifted, from the sum of the fingertips' forces against gravity and acceleration, taken that nothing else carries it; tells how well forces are measured, no clinical value", f"{KORTIER}, (6.5)"),
-    Kind("lift_grip_hold", "N", "mean grip force while the object was held up: half of the difference of the thumb's and the fingers' forces", KORTIER),
-    Kind("lift_grip_max", "N", "mean of the largest grip force", KORTIER),
-    Kind("lift_load_hold", "N", "mean load force while the object was held up: the sum of the forces against gravity", KORTIER),
-    Kind("lift_grip_over_load", "1", "grip force divided by load force while the object was held up", "Hiramatsu et al. 2015, PLoS ONE"),
-    Kind("force_share", "1", "share of the finger in the sum of the sizes of the forces while the object was held up", KORTIER),
-    Kind("lift_time_to_lift", "s", "mean time from the first touch until the object left the table", PHASES),
-    Kind("lift_time_held", "s", "mean time off the table", PHASES),
-    Kind("lift_time_to_release", "s", "mean time from the table until it was let go", PHASES),
-    Kind("lift_grip_rate", "N/s", "mean of the fastest rise of the grip force", "ours: of the interpolated force"),
-    Kind("lift_height", "m", "mean of how high the object was lifted", "ours: the specific force integrated twice between two rests"),
-    Kind("lift_work", "J", "mean work that the fingertips' forces did on the object from the table to where it was highest, against gravity and inertia in all directions", f"{KORTIER}; power as in (1.15)"),
-    Kind("lift_work_turning", "J", "mean work that the fingertips' torques did on the object on that way; of force sensors with six axes alone", f"{KORTIER}; power as in (1.15)"),
+    Kind("lift_count", "1", phrase("figure_meaning.lift_count"), phrase("figure_source.ours")),
+    Kind("lift_mass", "kg", phrase("figure_meaning.lift_mass"), phrase("figure_source.thesis_6_5")),
+    Kind("lift_grip_hold", "N", phrase("figure_meaning.lift_grip_hold"), KORTIER),
+    Kind("lift_grip_max", "N", phrase("figure_meaning.lift_grip_max"), KORTIER),
+    Kind("lift_load_hold", "N", phrase("figure_meaning.lift_load_hold"), KORTIER),
+    Kind("lift_grip_over_load", "1", phrase("figure_meaning.lift_grip_over_load"), "Hiramatsu et al. 2015, PLoS ONE"),
+    Kind("force_share", "1", phrase("figure_meaning.force_share"), KORTIER),
+    Kind("lift_time_to_lift", "s", phrase("figure_meaning.lift_time_to_lift"), PHASES),
+    Kind("lift_time_held", "s", phrase("figure_meaning.lift_time_held"), PHASES),
+    Kind("lift_time_to_release", "s", phrase("figure_meaning.lift_time_to_release"), PHASES),
+    Kind("lift_grip_rate", "N/s", phrase("figure_meaning.lift_grip_rate"), phrase("figure_source.interpolated_force")),
+    Kind("lift_height", "m", phrase("figure_meaning.lift_height"), phrase("figure_source.integrated_twice")),
+    Kind("lift_work", "J", phrase("figure_meaning.lift_work"), WORK),
+    Kind("lift_work_turning", "J", phrase("figure_meaning.lift_work_turning"), WORK),
 )  # fmt: skip
 
 

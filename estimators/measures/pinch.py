@@ -34,32 +34,32 @@ from handscope.estimators.measures.time_window import (
 from handscope.estimators.messages.sentence import phrase
 
 TITLE = phrase("measure_title.pinch")
-KORTIER = "Kortier, thesis 2.3.2"
+KORTIER = phrase("figure_source.thesis_2_3_2")
 TIP_TO_TIP = Contact(("thumb", "distal"), ("index", "distal"))
 KINDS = kinds(
     Kind(
         "pinch_distance_min",
         "m",
-        "smallest distance between the points of contact that was held",
+        phrase("figure_meaning.pinch_distance_min"),
         KORTIER,
     ),
     Kind(
         "pinch_distance_closed",
         "m",
-        "mean over the pinches of the smallest distance in each",
+        phrase("figure_meaning.pinch_distance_closed"),
         KORTIER,
     ),
     Kind(
         "pinch_aperture_max",
         "m",
-        "largest distance between the points of contact that was held",
-        "ours: the largest of the running median",
+        phrase("figure_meaning.pinch_aperture_max"),
+        phrase("figure_source.running_median"),
     ),
     Kind(
         "pinch_count",
         "1",
-        "pinches: minima of at least a quarter of the 5-95 % range",
-        "ours: as finger tapping",
+        phrase("figure_meaning.pinch_count"),
+        phrase("figure_source.as_tapping"),
     ),
 )
 

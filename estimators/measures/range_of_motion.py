@@ -26,17 +26,21 @@ from handscope.estimators.measures.time_window import (
 from handscope.estimators.messages.sentence import phrase
 
 TITLE = phrase("measure_title.range_of_motion")
-SOURCE = "ours after VA worksheet DVBCHTF1: extremes of the running median"
-WORDS = {
-    "max": "the largest {} held",
-    "min": "the smallest {} held",
-    "range": "from the smallest to the largest {} held",
+SOURCE = phrase("figure_source.running_extremes")
+ANGLE_WORDS = {
+    "flexion": phrase("angle_word.flexion"),
+    "deviation": phrase("angle_word.deviation"),
+    "pronation": phrase("angle_word.pronation"),
 }
 KINDS = kinds(
     *(
-        Kind(f"{a}_{end}", "rad", words.format(a), SOURCE)
-        for a in ANGLES
-        for end, words in WORDS.items()
+        Kind(f"{angle}_{end}", "rad", meaning, SOURCE)
+        for angle, word in ANGLE_WORDS.items()
+        for end, meaning in (
+            ("max", phrase("figure_meaning.angle_max", angle=word)),
+            ("min", phrase("figure_meaning.angle_min", angle=word)),
+            ("range", phrase("figure_meaning.angle_range", angle=word)),
+        )
     )
 )
 ELSEWHERE = frozenset(

@@ -30,48 +30,48 @@ from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 
 TITLE = phrase("measure_title.reach")
-DRINKING = "drinking task (JNER 2021, 10.1186/s12984-021-00895-3); of the hand's angular speed"
-BALASUBRAMANIAN = "Balasubramanian, siva82kb/SPARC @3650934; of the hand's angular speed"
+DRINKING = phrase("figure_source.drinking_turn")
+BALASUBRAMANIAN = phrase("figure_source.sparc_turn")
 FINGERTIPS = phrase("measure.from_fingertip_speed")
 VALEVICIUS = "Valevicius 2018 (PLoS ONE 0199549)"
 OWN = kinds(
-    Kind("reach_count", "1", "reaches that were measured", "ours"),
+    Kind("reach_count", "1", phrase("figure_meaning.reach_count"), phrase("figure_source.ours")),
     Kind(
         "reach_time",
         "s",
-        "mean time from where the hand's angular speed rises above 2 % of its peak to where it falls below",
+        phrase("figure_meaning.reach_time"),
         DRINKING,
     ),
-    Kind("reach_peak_speed", "rad/s", "mean of the hand's largest angular speed", DRINKING),
-    Kind("reach_peak_share", "1", "mean share of the movement time until the peak speed", DRINKING),
+    Kind("reach_peak_speed", "rad/s", phrase("figure_meaning.reach_peak_speed"), DRINKING),
+    Kind("reach_peak_share", "1", phrase("figure_meaning.reach_peak_share"), DRINKING),
     Kind(
         "reach_path",
         "rad",
-        "mean of how far the hand turned on its way, in all",
-        "ours: the integral of the angular speed",
+        phrase("figure_meaning.reach_path"),
+        phrase("figure_source.angular_path"),
     ),
     Kind(
         "reach_sparc",
         "1",
-        "mean spectral arc length of the hand's angular speed up to 10 Hz; nearer to zero is smoother",
+        phrase("figure_meaning.reach_sparc"),
         BALASUBRAMANIAN,
     ),
     Kind(
         "reach_ldlj",
         "1",
-        "mean log dimensionless jerk of the hand's angular speed; nearer to zero is smoother",
+        phrase("figure_meaning.reach_ldlj"),
         BALASUBRAMANIAN,
     ),
     Kind(
         "reach_aperture_max",
         "m",
-        "mean of the largest distance between thumb and index tip on the way",
+        phrase("figure_meaning.reach_aperture_max"),
         VALEVICIUS,
     ),
     Kind(
         "reach_aperture_share",
         "1",
-        "mean share of the movement time until the largest aperture",
+        phrase("figure_meaning.reach_aperture_share"),
         VALEVICIUS,
     ),
 )

@@ -26,29 +26,27 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
 LEVIN = "Levin 2002 (Exp Brain Res 143:171)"
-DRINKING = (
-    "drinking task (JNER 2021, 10.1186/s12984-021-00895-3); of the hand's speed against the trunk"
-)
-OF_PLACE = "Balasubramanian, siva82kb/SPARC @3650934; of the hand's speed against the trunk"
+DRINKING = phrase("figure_source.drinking_place")
+OF_PLACE = phrase("figure_source.sparc_place")
 NO_MAGNET = phrase("measure.place_unknown")
 NO_HEIGHT = phrase("measure.trunk_height_range")
 UNKNOWN = np.uint8(PlaceFlag.MISSING | PlaceFlag.OUT_OF_REACH | PlaceFlag.DOUBTFUL)
 FEWEST = 8  # samples of a way
 
 KINDS = kinds(
-    Kind("reach_distance", "m", "mean straight distance of the hand from where a reach begins to where it ends, against the trunk", "ours"),
-    Kind("reach_way", "m", "mean length of the hand's way, against the trunk", "ours: the integral of its speed"),
-    Kind("reach_straightness", "1", "mean length of the way over the straight distance; 1 is straight", LEVIN),
-    Kind("reach_hand_speed", "m/s", "mean of the hand's largest speed against the trunk", "ours"),
-    Kind("reach_hand_sparc", "1", "mean spectral arc length of the hand's speed up to 10 Hz; nearer to zero is smoother", OF_PLACE),
-    Kind("reach_hand_ldlj", "1", "mean log dimensionless jerk of the hand's speed; nearer to zero is smoother", OF_PLACE),
-    Kind("reach_hand_units", "1", "mean number of movement units: times that the hand's speed grows by more than 20 mm/s to a peak, 150 ms after the one before or later; 1 is smooth", DRINKING),
-    Kind("reach_trunk_lean", "rad", "mean of how far the trunk's inclination leaves that at the beginning of a reach", LEVIN),
-    Kind("reach_trunk_turn", "rad", "mean of how far the trunk turns about the vertical from the beginning of a reach", LEVIN),
-    Kind("reach_trunk_forward", "m", "mean of how far leaning has carried the trunk's sensor forward where a reach ends; of a rigid trunk that leans about the hips", LEVIN),
-    Kind("reach_farthest", "m", "largest distance of the hand's sensor from the trunk's", "ours"),
-    Kind("reach_volume", "m^3", "volume of the convex hull of the places through which the hand came in these reaches, against the trunk; not all that the arm could reach", "ours"),
-    Kind("reach_signal", "dB", "median of the loudest magnetometer's reading over the earth's field; near 0 the magnet is hardly heard, or lies across the earth's field", "Kortier, thesis (5.23)"),
+    Kind("reach_distance", "m", phrase("figure_meaning.reach_distance"), phrase("figure_source.ours")),
+    Kind("reach_way", "m", phrase("figure_meaning.reach_way"), phrase("figure_source.speed_integral")),
+    Kind("reach_straightness", "1", phrase("figure_meaning.reach_straightness"), LEVIN),
+    Kind("reach_hand_speed", "m/s", phrase("figure_meaning.reach_hand_speed"), phrase("figure_source.ours")),
+    Kind("reach_hand_sparc", "1", phrase("figure_meaning.reach_hand_sparc"), OF_PLACE),
+    Kind("reach_hand_ldlj", "1", phrase("figure_meaning.reach_hand_ldlj"), OF_PLACE),
+    Kind("reach_hand_units", "1", phrase("figure_meaning.reach_hand_units"), DRINKING),
+    Kind("reach_trunk_lean", "rad", phrase("figure_meaning.reach_trunk_lean"), LEVIN),
+    Kind("reach_trunk_turn", "rad", phrase("figure_meaning.reach_trunk_turn"), LEVIN),
+    Kind("reach_trunk_forward", "m", phrase("figure_meaning.reach_trunk_forward"), LEVIN),
+    Kind("reach_farthest", "m", phrase("figure_meaning.reach_farthest"), phrase("figure_source.ours")),
+    Kind("reach_volume", "m^3", phrase("figure_meaning.reach_volume"), phrase("figure_source.ours")),
+    Kind("reach_signal", "dB", phrase("figure_meaning.reach_signal"), phrase("figure_source.thesis_5_23")),
 )  # fmt: skip
 OF_EACH = (
     "distance",

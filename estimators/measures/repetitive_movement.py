@@ -24,6 +24,7 @@ from handscope.estimators.hand.anatomy import (
 )
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures import cycle_measure, cycles
+from handscope.estimators.measures.cycle_figures import CycleWords
 from handscope.estimators.measures.cycle_measure import CycleResult, Words
 from handscope.estimators.measures.figure import Figure, Kind, grade_of
 from handscope.estimators.measures.plot_data import PlotData
@@ -133,13 +134,23 @@ def _palm_direction(part: Trajectory) -> MovementAngle | str:
 
 OPEN_CLOSE = Movement(
     phrase("measure_title.open_close"),
-    Words("open_close", "opening", "summed flexion of the fingers, mean of those measured,"),
+    Words(
+        "open_close",
+        CycleWords(phrase("cycle_word.opening"), phrase("cycle_word.openings")),
+        phrase("cycle_opening.finger_flexion"),
+        phrase("cycle_angle.finger_flexion"),
+    ),
     frozenset({"open", "close"}),
     _hand_opening,
 )
 PRONATION_SUPINATION = Movement(
     phrase("measure_title.pronation_supination"),
-    Words("pronation_supination", "turn", "angle by which the palm faces up"),
+    Words(
+        "pronation_supination",
+        CycleWords(phrase("cycle_word.turn"), phrase("cycle_word.turns")),
+        phrase("cycle_opening.palm"),
+        phrase("cycle_angle.palm"),
+    ),
     frozenset({"pronation", "supination"}),
     _palm_direction,
 )

@@ -43,11 +43,11 @@ KINDS = kinds(
     Kind(
         "contact_error_mean",
         "m",
-        "mean of the measured distance between the points of contact less the true one",
+        phrase("figure_meaning.contact_error_mean"),
         SALCHOW,
     ),
-    Kind("contact_error_sd", "m", "standard deviation of that difference over the hold", SALCHOW),
-    Kind("contact_error_rmse", "m", "root mean square of that difference over the hold", SALCHOW),
+    Kind("contact_error_sd", "m", phrase("figure_meaning.contact_error_sd"), SALCHOW),
+    Kind("contact_error_rmse", "m", phrase("figure_meaning.contact_error_rmse"), SALCHOW),
 )
 
 

@@ -53,19 +53,19 @@ FURTHER = phrase("squeeze.joint_at_limit")
 TOO_SHORT = phrase("squeeze.too_short")
 BENT = phrase("squeeze.not_linear")
 KINDS = kinds(
-    Kind("squeeze_count", "1", "times that the object was squeezed", "ours: peaks of the force"),
-    Kind("squeeze_force", "N", "mean of the largest force of each squeeze, of the fingers against the thumb", KORTIER),
-    Kind("squeeze_force_cv", "1", "variation of the largest forces: standard deviation over mean", "ours"),
-    Kind("squeeze_rate", "Hz", "squeezes a second", "ours"),
-    Kind("squeeze_depth", "m", "mean of how much nearer the fingertips came in a squeeze", KORTIER),
-    Kind("squeeze_stiffness", "N/m", "estimated stiffness of the object along the line between the fingertips", f"{KORTIER}, (6.6), of the whole object"),
-    Kind("squeeze_damping", "N s/m", "estimated damping of the object along that line", f"{KORTIER}, (6.6)"),
-    Kind("squeeze_work", "J", "mean work that the fingers do on the object in a squeeze", f"{KORTIER}, (1.15)"),
-    Kind("squeeze_coherence", "1", "how much of the distance's change the force explains, where the force changes; 1 is all. Below 0.8 the force is not the only input: condition 1a fails; that it is cannot be proved", f"{KORTIER}, 6.5.1"),
-    Kind("squeeze_force_bandwidth", "Hz", "frequency below which 95 % of the force's power lies; condition 1b: it reaches as far up as the object answers, which cannot be told where the answer does not fall before", f"{KORTIER}, 6.5.1"),
-    Kind("squeeze_object_bandwidth", "Hz", "frequency at which the object's answer to the force has fallen by 3 dB; not seen where the force does not reach so far", f"{KORTIER}, 6.5.1"),
-    Kind("squeeze_lag", "s", "by how much the distance follows behind the force; condition 2, that the object takes energy up and gives none, holds beyond two standard deviations and fails below minus two", f"{KORTIER}, 6.5.1"),
-    Kind("squeeze_share", "1", "share of the finger in the sum of the sizes of the forces", KORTIER),
+    Kind("squeeze_count", "1", phrase("figure_meaning.squeeze_count"), phrase("figure_source.force_peaks")),
+    Kind("squeeze_force", "N", phrase("figure_meaning.squeeze_force"), KORTIER),
+    Kind("squeeze_force_cv", "1", phrase("figure_meaning.squeeze_force_cv"), phrase("figure_source.ours")),
+    Kind("squeeze_rate", "Hz", phrase("figure_meaning.squeeze_rate"), phrase("figure_source.ours")),
+    Kind("squeeze_depth", "m", phrase("figure_meaning.squeeze_depth"), KORTIER),
+    Kind("squeeze_stiffness", "N/m", phrase("figure_meaning.squeeze_stiffness"), phrase("figure_source.thesis_6_6_whole")),
+    Kind("squeeze_damping", "N s/m", phrase("figure_meaning.squeeze_damping"), phrase("figure_source.thesis_6_6")),
+    Kind("squeeze_work", "J", phrase("figure_meaning.squeeze_work"), phrase("figure_source.thesis_1_15")),
+    Kind("squeeze_coherence", "1", phrase("figure_meaning.squeeze_coherence"), phrase("figure_source.thesis_6_5_1")),
+    Kind("squeeze_force_bandwidth", "Hz", phrase("figure_meaning.squeeze_force_bandwidth"), phrase("figure_source.thesis_6_5_1")),
+    Kind("squeeze_object_bandwidth", "Hz", phrase("figure_meaning.squeeze_object_bandwidth"), phrase("figure_source.thesis_6_5_1")),
+    Kind("squeeze_lag", "s", phrase("figure_meaning.squeeze_lag"), phrase("figure_source.thesis_6_5_1")),
+    Kind("squeeze_share", "1", phrase("figure_meaning.squeeze_share"), KORTIER),
 )  # fmt: skip
 
 

@@ -36,10 +36,8 @@ from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
-THUMB_SOURCE = (
-    "of the metacarpal, as the Pollexograph-metacarpal (de Kraker 2009, J Hand Surg Am 34:523)"
-)
-FOREARM_SOURCE = "AAOS (Norkin App. A) for zero and directions; read against gravity: ours"
+THUMB_SOURCE = phrase("figure_source.metacarpal")
+FOREARM_SOURCE = phrase("figure_source.against_gravity")
 THUMB_DOWN = -120.0 * np.pi / 180  # that nobody turns to from above
 # rad, of the hand's inclination: the worst of ten real trials (docs/validation/broad.md)
 INCLINATION = 1.7 * np.pi / 180
@@ -137,20 +135,20 @@ THUMB_ABDUCTION = SustainedAngleMeasure(
         Kind(
             "palmar_abduction",
             "rad",
-            "largest angle of the thumb's metacarpal out of the palm's plane",
+            phrase("figure_meaning.palmar_abduction"),
             THUMB_SOURCE,
         ),
         Kind(
             "radial_abduction",
             "rad",
-            "largest angle of the thumb's metacarpal away from the fingers, within the palm's plane",
+            phrase("figure_meaning.radial_abduction"),
             THUMB_SOURCE,
         ),
         Kind(
             "pronation",
             "rad",
-            "largest turn of the thumb's metacarpal about its own axis, its pad towards the fingers",
-            "ours: CMC angle z-x'-y''",
+            phrase("figure_meaning.thumb_pronation"),
+            phrase("figure_source.cmc_angle"),
         ),
     ),
     _is_thumb_task,
@@ -162,14 +160,14 @@ FINGER_SPREAD = SustainedAngleMeasure(
         Kind(
             "spread",
             "rad",
-            "largest angle between the two fingers, sideways",
+            phrase("figure_meaning.spread"),
             "Chatzioglou 2024 (Anat Cell Biol 57:172)",
         ),
         Kind(
             "whole_spread",
             "rad",
-            "largest angle from the index to the little finger, sideways",
-            "ours: the spreads of all neighbours at one instant",
+            phrase("figure_meaning.whole_spread"),
+            phrase("figure_source.spreads_at_once"),
         ),
     ),
     lambda task_name: "spread" in words_of(task_name),
@@ -181,13 +179,13 @@ FOREARM_ROTATION = SustainedAngleMeasure(
         Kind(
             "supination",
             "rad",
-            "largest turn of the palm upwards from the thumb pointing up",
+            phrase("figure_meaning.supination"),
             FOREARM_SOURCE,
         ),
         Kind(
             "pronation",
             "rad",
-            "largest turn of the palm downwards from the thumb pointing up",
+            phrase("figure_meaning.forearm_pronation"),
             FOREARM_SOURCE,
         ),
     ),

@@ -25,7 +25,12 @@ from handscope.estimators.hand.anatomy import (
 )
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures import cycle_figures, cycles
-from handscope.estimators.measures.cycle_figures import size_kinds, stop_kinds, time_kinds
+from handscope.estimators.measures.cycle_figures import (
+    CycleWords,
+    size_kinds,
+    stop_kinds,
+    time_kinds,
+)
 from handscope.estimators.measures.cycles import Cycles, Params, Stops
 from handscope.estimators.measures.figure import Figure, Grade, grade_of, kinds
 from handscope.estimators.measures.plot_data import Curve, PlotData
@@ -38,10 +43,11 @@ from handscope.estimators.numerics.typing import Array
 TITLE = phrase("measure_title.tapping")
 MARGIN = 0.5  # s looked at before and after the trial, so that a closing at its edge is seen as one
 PREFIX, ANGLE = "tapping", "tapping_angle"
-TIMES = time_kinds(PREFIX, "tap")
-DISTANCES = size_kinds(PREFIX, "tap", "m", "distance between thumb and index finger")
-ANGLES = size_kinds(ANGLE, "tap", "rad", "angle by which thumb and index finger turn apart")
-STOPS = stop_kinds(PREFIX, "the angle between thumb and index finger, seen from the wrist,")
+TAPS = CycleWords(phrase("cycle_word.tap"), phrase("cycle_word.taps"))
+TIMES = time_kinds(PREFIX, TAPS)
+DISTANCES = size_kinds(PREFIX, TAPS, "m", phrase("cycle_opening.thumb_index_distance"))
+ANGLES = size_kinds(ANGLE, TAPS, "rad", phrase("cycle_opening.thumb_index_turn"))
+STOPS = stop_kinds(PREFIX, phrase("cycle_angle.thumb_index"))
 KINDS = kinds(*TIMES.values(), *DISTANCES.values(), *ANGLES.values(), *STOPS.values())
 STILL = (
     1.0,

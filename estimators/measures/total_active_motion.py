@@ -34,14 +34,14 @@ from handscope.estimators.measures.time_window import (
     usable_samples,
     window_length,
 )
-from handscope.estimators.messages.sentence import phrase
+from handscope.estimators.messages.sentence import join, phrase
 
 TITLE = phrase("measure_title.total_active_motion")
 DEG = np.pi / 180
-ASSH = "HandLab Clinical Pearl 18 (2012), after the ASSH"
-EATONHAND = "eatonhand.com clf217, tendon injury result grading"
-STRICKLAND = "Strickland & Glogovac 1980, bands as in HandLab Clinical Pearl 18 (2012), 175 deg as in a comparison of five systems"
-BURN = "Johnson's TAM of the burnt hand, medicalalgorithms.com/deep-dermal-burn"
+ASSH = phrase("figure_source.assh")
+EATONHAND = phrase("figure_source.eatonhand")
+STRICKLAND = phrase("figure_source.strickland")
+BURN = phrase("figure_source.burn")
 NORM = {"thumb": 140 * DEG} | dict.fromkeys(
     FINGERS[1:], 260 * DEG
 )  # thumb: the top of eatonhand's degrees
@@ -58,40 +58,40 @@ KINDS = kinds(
     Kind(
         "taf",
         "rad",
-        "sum of the flexions of the finger's joints in a fist",
-        "TAF, as the first part of TAM: " + ASSH,
+        phrase("figure_meaning.taf"),
+        phrase("figure_source.assh_taf"),
     ),
     Kind(
         "tam",
         "rad",
-        "sum of the flexions in a fist less the sum of the extension deficits with all fingers stretched",
+        phrase("figure_meaning.tam"),
         ASSH,
     ),
     Kind(
         "tam_share",
         "1",
-        "TAM over that of the other hand, or over 260 deg (thumb 140) where that is not given",
-        ASSH + "; thumb: " + EATONHAND,
+        phrase("figure_meaning.tam_share"),
+        join((ASSH, phrase("figure_source.eatonhand_thumb"))),
     ),
     Kind(
         "composite_flexion",
         "rad",
-        "flexion of the joint in the fist in which the finger's joints bend furthest together",
+        phrase("figure_meaning.composite_flexion"),
         ASSH,
         detail=True,
     ),
     Kind(
         "extension_deficit",
         "rad",
-        "what the joint stays behind straight when the finger's joints are stretched furthest together",
+        phrase("figure_meaning.extension_deficit"),
         ASSH,
         detail=True,
     ),
     Kind(
         "hyperextension",
         "rad",
-        "how far the joint goes beyond straight then; not counted in TAM",
-        "ours: TAM takes it for zero",
+        phrase("figure_meaning.hyperextension"),
+        phrase("figure_source.tam_zero"),
         detail=True,
     ),
 )

@@ -28,7 +28,7 @@ from handscope.estimators.numerics.typing import Array
 
 TITLE = phrase("measure_title.tremor")
 DEG = np.pi / 180
-WELCH = "Welch's periodogram of angular rates, windows of 3 s (PMC6806079)"
+WELCH = phrase("figure_source.welch")
 PARTS = {"hand": "hand"} | {
     f: CHAINS[f][-1] for f in FINGERS
 }  # and the segment whose turning is meant
@@ -37,40 +37,40 @@ KINDS = kinds(
     Kind(
         "tremor_frequency",
         "Hz",
-        "where the power density of the turning is largest, between 3 and 15 Hz",
+        phrase("figure_meaning.tremor_frequency"),
         WELCH,
     ),
     Kind(
         "tremor_amplitude",
         "rad",
-        "how far it turns to either side of its middle about the peak: root 2 times the rms angle within 1 Hz of it",
+        phrase("figure_meaning.tremor_amplitude"),
         WELCH,
     ),
-    Kind("tremor_rate_rms", "rad/s", "rms angular rate within 1 Hz of the peak", WELCH),
+    Kind("tremor_rate_rms", "rad/s", phrase("figure_meaning.tremor_rate_rms"), WELCH),
     Kind(
         "tremor_log_amplitude",
         "1",
-        "decimal logarithm of the amplitude in degrees, which ratings go with",
+        phrase("figure_meaning.tremor_log_amplitude"),
         "Elble 2016 (PMC6174406)",
         detail=True,
     ),
     Kind(
         "tremor_power_share",
         "1",
-        "power within 1 Hz of the peak, of all between 3 and 15 Hz",
+        phrase("figure_meaning.tremor_power_share"),
         "PMC6806079",
         detail=True,
     ),
     Kind(
         "tremor_time_share",
         "1",
-        "windows of 3 s in which a peak stands out, of all",
-        "PMC6806079; that a peak stands out: ours",
+        phrase("figure_meaning.tremor_time_share"),
+        join(("PMC6806079", phrase("figure_source.peak_rule"))),
     ),
     Kind(
         "tremor_band_quotient",
         "1",
-        "power from 4 to 12 Hz over that from 0.5 to 4 Hz",
+        phrase("figure_meaning.tremor_band_quotient"),
         "PMC8960784",
         detail=True,
     ),

@@ -5,6 +5,7 @@ chooses or translates by it reads `messages` instead of the words.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from math import isfinite
 from numbers import Integral
 from typing import Any, Self
@@ -63,6 +64,25 @@ def messages_of(text: str) -> Sequence[Message]:
 def codes_of(text: str) -> frozenset[str]:
     """The codes of a text and of the sentences among its values."""
     return frozenset(code for message in messages_of(text) for code in _codes(message))
+
+
+def add_codes(value: Any) -> Any:
+    """Plain data with `warnings_codes` beside `warnings` wherever a text, or one of a list of texts, has codes."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return add_codes({f.name: getattr(value, f.name) for f in fields(value)})
+    if isinstance(value, Mapping):
+        plain = {key: add_codes(v) for key, v in value.items()}
+        codes = {f"{key}_codes": _codes_beside(v) for key, v in value.items()}
+        return plain | {key: v for key, v in codes.items() if v and key not in plain}
+    return [add_codes(v) for v in value] if isinstance(value, list | tuple) else value
+
+
+def _codes_beside(value: Any) -> list[Any]:
+    if isinstance(value, Sentence):
+        return sorted(codes_of(value))
+    if isinstance(value, list | tuple) and any(isinstance(v, Sentence) for v in value):
+        return [sorted(codes_of(v)) if isinstance(v, str) else [] for v in value]
+    return []
 
 
 def _codes(message: Message) -> Iterable[str]:

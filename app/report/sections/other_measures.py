@@ -95,7 +95,9 @@ def _section(trials: Sequence[Task], language: Language, edition: Edition | None
         "marks": language.known(
             f"marks.{trials[0].result.measure}", ""
         ),  # what the lines upright mean
-        "source": "; ".join(dict.fromkeys(f.source for t in trials for f in t.result.figures)),
+        "source": language.several(
+            dict.fromkeys(language.translate(f.source) for t in trials for f in t.result.figures)
+        ),
     }
 
 
@@ -174,7 +176,7 @@ def norm_words(
     words = with_unit(f"{number(norm.mean)}{spread}{most}", norm.unit, language)
     return {
         "told": words,
-        "reference": norm.source.reference,
+        "reference": language.translate(norm.source.reference),
         "note": language.translate(norm.note),
     }
 

@@ -9,14 +9,16 @@ from pathlib import Path
 
 import pytest
 
-from handscope.app.api.methods import meaning_of
+from handscope.app.api.methods import meaning_of, source_of
 from handscope.app.language import ENGLISH, Language, languages
 from handscope.app.language.codes import table
 from handscope.app.protocols import load_all, load_free, load_steps
 from handscope.app.protocols.plans import built_in
-from handscope.app.report.norms import norms
+from handscope.app.report.norms import norms, published_changes
+from handscope.app.report.references import references, smallest_change
 from handscope.estimators.data.options import describe
 from handscope.estimators.errors import InputError
+from handscope.estimators.measures import MEASURES
 from handscope.estimators.messages import GAP, Message, Text, english_texts
 from handscope.estimators.messages.sentence import PLAIN, codes_of
 from handscope.estimators.methods import OFFERED
@@ -34,6 +36,8 @@ SAME = {  # words that a language has, too
     "fr": ["quantity.gyroscope", "task_phase.finger_independence_2", "task_title.kapandji"],
 }
 WORDS = re.compile("[a-z]{2}")
+PUBLISHED = re.compile(r"\b(19|20)\d\d\b|PMC\d+|Hand Surgery|mhealthtools|^[A-Z][\w -]+$")
+OURS = re.compile(r"\b(ours|thesis|as in|and the|after the)\b")
 CODE = re.compile(r"[a-z0-9_]+\.[a-z0-9_]+")
 
 
@@ -98,15 +102,45 @@ def test_every_code_that_is_raised_has_words_and_every_code_is_raised() -> None:
     found = {code for code in english_texts() if any(p.fullmatch(code) for p in found_codes())}
     raised = {code for _, _, code in coded_sites()} | {PLAIN}
     of_tasks = {code for text in task_texts() for code in codes_of(text)}
-    of_norms = {code for norm in norms() for code in codes_of(norm.note)}
-    assert raised | found | of_tasks | of_norms | of_options() == english_texts().keys()
+    others = {code for text in (*sources(), *notes()) for code in codes_of(text)}
+    assert raised | found | of_tasks | others | of_options() == english_texts().keys()
+
+
+def notes() -> list[str]:
+    """What is remarked beside a reference value."""
+    return [one.note for one in (*norms(), *references()) if one.note]
+
+
+def sources() -> list[str]:
+    """Where tasks, reference values and figures come from."""
+    of_values = [n.source for n in (*norms(), *references())]
+    of_values += [c.source for c in (*published_changes().values(), smallest_change())]
+    tasks = [*load_all().values(), *load_steps().values(), load_free()]
+    figures = [kind.source for m in MEASURES.values() for kind in m.KINDS.values()]
+    words = [w for one in of_values for w in (one.name, one.reference)]
+    return [text for text in (*words, *(p.source for p in tasks), *figures) if text]
+
+
+def test_a_source_without_a_code_is_a_reference_to_what_others_published() -> None:
+    plain = {text for text in sources() if not codes_of(text)}
+    assert [text for text in plain if not PUBLISHED.search(text) or OURS.search(text)] == []
+
+
+def test_every_figure_of_our_own_measures_says_what_it_means_by_a_code() -> None:
+    kinds = [kind for m in MEASURES.values() for kind in m.KINDS.values()]
+    assert [kind.what for kind in kinds if not codes_of(kind.meaning)] == []
 
 
 def of_options() -> set[str]:
-    """Codes of what the options of the methods that come with the program mean."""
+    """Codes of what the options of the methods that come with the program mean and rest on."""
     methods = [(name, describe(method.Params)) for name, method in OFFERED.items()]
-    texts = {meaning_of(name, option) for name, options in methods for option in options}
-    return {code for text in texts for code in codes_of(text)}
+    each = [(name, option) for name, options in methods for option in options]
+    return {
+        code
+        for one in each
+        for text in (meaning_of(*one), source_of(*one))
+        for code in codes_of(text)
+    }
 
 
 def test_every_option_of_a_method_that_a_page_offers_has_a_code() -> None:
@@ -122,7 +156,7 @@ def test_every_option_of_a_method_that_a_page_offers_has_a_code() -> None:
 def task_texts() -> list[str]:
     """Every text of the tasks and plans that come with the program."""
     tasks = [*load_all().values(), *load_steps().values(), load_free()]
-    texts = [text for p in tasks for text in (p.title, p.instruction, *(c.say for c in p.cycle))]
+    texts = [t for p in tasks for t in (p.title, p.instruction, *(c.say for c in p.cycle))]
     texts += [text for p in tasks if p.score for text in (p.score.title, p.score.hint) if text]
     plans = built_in().values()
     return texts + [t for plan in plans for t in (plan.title, *plan.sources, plan.note) if t]
@@ -133,7 +167,7 @@ def test_every_text_of_our_own_tasks_has_a_code() -> None:
 
 
 def test_every_note_of_our_own_norms_has_a_code() -> None:
-    assert [n.note for n in norms() if n.note and not codes_of(n.note)] == []
+    assert [note for note in notes() if not codes_of(note)] == []
 
 
 def test_no_sentence_is_raised_where_it_is_written() -> None:

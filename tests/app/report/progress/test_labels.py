@@ -15,6 +15,11 @@ from handscope.app.report.progress.labels import label
             "Zeigefinger: aktiver Gesamtbewegungsumfang (TAM)",
         ),
         ("tapping_rate", "Rate", "Frequenz"),
+        (
+            "index_dip_extension_deficit",
+            "Index DIP: extension deficit",
+            "Zeigefinger DIP: Streckdefizit",
+        ),
         ("ring_pip_flexion_max", "Ring PIP, flexion", "Ringfinger PIP, Beugung"),
     ],
 )
