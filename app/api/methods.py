@@ -11,6 +11,7 @@ from handscope.app.state import LanguageDep, PartsDep
 from handscope.estimators.data.options import Description, describe
 from handscope.estimators.messages.sentence import with_code
 from handscope.estimators.methods import DEFAULT, OFFERED
+from handscope.estimators.pipeline.method import capability_words
 
 PROTOCOL_TEXTS = frozenset({"title", "instruction", "source", "say", "hint"})
 router = APIRouter(tags=["methods"], dependencies=[requires_role(*EVERY_ACCOUNT)])
@@ -18,12 +19,14 @@ router = APIRouter(tags=["methods"], dependencies=[requires_role(*EVERY_ACCOUNT)
 
 @router.get("/methods")
 def list_methods(language: LanguageDep) -> list[dict[str, Any]]:
-    """Methods with their options: default, unit, meaning, source; one of them is what is taken unless another is asked for."""
+    """Methods with what each needs and can do, and their options: default, unit, meaning, source; one of them is what is taken unless another is asked for."""
     return [
         {
             "name": name,
             "title": language.translate(m.TITLE),
             "default": name == DEFAULT,
+            "capabilities": asdict(m.CAPABILITIES),
+            "abilities": [language.translate(words) for words in capability_words(m.CAPABILITIES)],
             "options": [
                 asdict(d)
                 | {

@@ -18,7 +18,7 @@ from handscope.estimators.methods import (
     DEFAULT_OF_ORIENTATIONS,
     default_for,
 )
-from handscope.estimators.pipeline.method import AnyMethod
+from handscope.estimators.pipeline.method import AnyMethod, capability_words
 from handscope.estimators.pipeline.process import Processed, process
 from handscope.estimators.recording_checks.check import check_processed
 from handscope.sessions.files.recording import LoadedRecording
@@ -63,9 +63,14 @@ def _options_help(given: Sequence[str]) -> str:
     """The methods, and the options of the one among the words given, or of the default."""
     words = [part for word in given for part in word.split("=", 1)]
     asked = next((b for a, b in pairwise(words) if a == "--method" and b in ALL_METHODS), DEFAULT)
-    titles = "\n".join(f"  {name}: {m.TITLE}" for name, m in ALL_METHODS.items())
+    titles = "\n".join(_line_of(name, m) for name, m in ALL_METHODS.items())
     options = help_text(ALL_METHODS[asked].Params)
     return f"methods (--method NAME --help lists the options of another):\n{titles}\n\noptions of {asked}:\n{options}"
+
+
+def _line_of(name: str, method: AnyMethod[Any]) -> str:
+    """A method with what it needs and can do, for the list of methods."""
+    return f"  {name}: {method.TITLE}\n      {'; '.join(capability_words(method.CAPABILITIES))}"
 
 
 def method_of(arguments: argparse.Namespace) -> tuple[AnyMethod[Any], Any]:

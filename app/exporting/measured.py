@@ -1,6 +1,6 @@
 """From a processed recording to what an export is written from."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -11,6 +11,7 @@ from handscope.app.protocols import load_all
 from handscope.app.report import FORMS, Style
 from handscope.app.report.content import Visit, content
 from handscope.app.version import software_version
+from handscope.estimators.data.options import values_of
 from handscope.estimators.errors import InputError
 from handscope.estimators.measures.accuracy import accuracy_of
 from handscope.estimators.measures.assessment import assess
@@ -34,7 +35,7 @@ def gather(
     origin = Origin(
         software=software or software_version(),
         method=method,
-        options={f.name: getattr(params, f.name) for f in fields(params)},
+        options=values_of(params),
         checksum=recording.checksum,
         start_utc=recording.start_utc or "",
         made_utc=datetime.now(UTC).isoformat(timespec="seconds"),

@@ -25,7 +25,7 @@ from handscope.app.report.references import newest
 from handscope.app.report.sections import self_calibration
 from handscope.app.report.stored import pack, unpack
 from handscope.app.workers import deadline
-from handscope.estimators.data.options import describe
+from handscope.estimators.data.options import describe, values_of
 from handscope.estimators.data.samples import Event
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
@@ -151,8 +151,7 @@ def params_of(result: Result) -> Any:
 
 def options_of(result: Result) -> dict[str, Any]:
     """Every option by name, defaults as well: what a later version may have other defaults for."""
-    params = params_of(result)
-    return {d.name: getattr(params, d.name) for d in describe(type(params))}
+    return values_of(params_of(result))
 
 
 def assess_recording(

@@ -2,9 +2,10 @@
 in one line."""
 
 from dataclasses import MISSING, Field, dataclass, field, fields
-from typing import Any
+from typing import Any, TypeVar
 
 UNBOUNDED = 1e6
+Part = TypeVar("Part")
 
 
 @dataclass(frozen=True)
@@ -49,13 +50,20 @@ def describe(params_type: type) -> list[Description]:
     return [_describe(f) for f in fields(params_type)]
 
 
+def values_of(params: Any) -> dict[str, Any]:
+    """Every option of a Params by name, in order of declaration."""
+    return {d.name: vars(params)[d.name] for d in describe(type(params))}
+
+
 def changed_options(params: Any) -> dict[str, Any]:
     """The values of a Params that are not the default, by name."""
-    return {
-        d.name: value
-        for d in describe(type(params))
-        if (value := getattr(params, d.name)) != d.default
-    }
+    values = values_of(params)
+    return {d.name: values[d.name] for d in describe(type(params)) if values[d.name] != d.default}
+
+
+def part_of(params: Part, part: type[Part]) -> Part:
+    """The options of a Params that one of its base classes declares, as that class."""
+    return part(**{f.name: vars(params)[f.name] for f in fields(part)})
 
 
 def _describe(f: "Field[Any]") -> Description:

@@ -13,13 +13,14 @@ Limits  how the sensors of forearm and hand sit, and the last phalanges' about a
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from handscope.estimators.data import trajectory
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.findings import whole_streams
+from handscope.estimators.data.options import part_of
 from handscope.estimators.data.samples import Block, Recording
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
@@ -165,7 +166,7 @@ class _Limb:
 def _calibrate_limb(
     params: Params, recording: Recording, limb: _Limb, progress: Callable[[float], None]
 ) -> Finger:
-    noise = Noise(**{f.name: getattr(params, f.name) for f in fields(Noise)})
+    noise = part_of(params, Noise)
     links, t, read = limb.links, limb.t, limb.read
     self_calibration_messages.require_movement(params, limb.name, read)
     guess = self_calibration_initialisation.initial_unknowns(
@@ -203,7 +204,7 @@ def _together(
     params: Params, recording: Recording, alone: list[Finger], progress: Callable[[float], None]
 ) -> tuple[list[Finger], list[str]]:
     """Solve all fingers as one problem with the hand and its soft tissue; without convergence the single solutions stay."""
-    noise = Noise(**{f.name: getattr(params, f.name) for f in fields(Noise)})
+    noise = part_of(params, Noise)
     *moving, law = _soft_tissue_scales(params, alone)
     turn, slide = (max(params.hand_skin * softness, RIGID) for softness in moving)
     try:

@@ -12,13 +12,13 @@ Limits  fingers one by one; a finger of which a sensor was silent for long, or w
         docs/decisions/0007-map-live.md
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from handscope.estimators.data import trajectory
 from handscope.estimators.data.calibration import Calibration
-from handscope.estimators.data.options import option
+from handscope.estimators.data.options import option, part_of
 from handscope.estimators.data.samples import Block, Stream
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.hand import pose as hand_pose
@@ -170,7 +170,7 @@ def _nodes(params: Params, state: State, count: int) -> State:
     dt = readings.period * readings.each
     calibration, lag = state.filter.calibration, round(params.lag / dt)
     setting = Setting(
-        Noise(**{f.name: getattr(params, f.name) for f in fields(Noise)}),
+        part_of(params, Noise),
         calibration,
         max(round(params.window / dt), lag + NODES + 2),
         lag,

@@ -4,13 +4,14 @@ A method that steps serves live streams and recordings alike; one that solves ne
 recording. The tables of methods are in estimators/methods/__init__.py.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol, TypeGuard, TypeVar
 
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.samples import Block, Recording, Stream
 from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.messages.sentence import phrase
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,6 +23,20 @@ class Capabilities:
     takes_orientations: bool = False  # a stream may bring orientations in place of rates
     batch_only: bool = False  # it solves whole recordings and does not step through blocks
     gives_covariance: bool = False  # angles and tips come with standard deviations
+
+
+WORDS: Mapping[str, str] = {  # of each capability, for lists of methods
+    "needs_pose": phrase("method_capability.needs_pose"),
+    "needs_magnetometers": phrase("method_capability.needs_magnetometers"),
+    "takes_orientations": phrase("method_capability.takes_orientations"),
+    "batch_only": phrase("method_capability.batch_only"),
+    "gives_covariance": phrase("method_capability.gives_covariance"),
+}
+
+
+def capability_words(capabilities: Capabilities) -> list[str]:
+    """What a method needs and can do, in words."""
+    return [words for name, words in WORDS.items() if vars(capabilities)[name]]
 
 
 P = TypeVar("P")

@@ -1,13 +1,14 @@
 """The derivative of a recording as Motion-BIDS (docs/motion-bids.md): joint angles, fingertips and orientations with what they rest on."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import PurePosixPath
 from typing import Any
 
 import numpy as np
 
 from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.options import values_of
 from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.hand.geometry import table_of
 from handscope.estimators.numerics.typing import Array
@@ -100,7 +101,7 @@ def _sidecar(
         "HandGeometry": table_of(processed.calibrations[0].geometry),
         "Conventions": "angles intrinsic z-x'-y'': flexion +, ulnar deviation +, pronation +; quaternions w, x, y, z take segment to global vectors; tips in the wrist frame",
         "method": method,
-        "parameters": {f.name: getattr(params, f.name) for f in fields(params)},
+        "parameters": values_of(params),
         "software_version": software,
         "input_checksum": recording.checksum,
         "calibration_quality": {s: asdict(q) for s, q in processed.calibrations[0].quality.items()},

@@ -1,7 +1,7 @@
 /** Process the same recording by another method or with other options; the form is made from what the API says of the methods. */
 import { h } from "../dom.js";
 import { errorBox, field, initial, onSubmit, select } from "../forms.js";
-import { labelled } from "../words/joined.js";
+import { labelled, several } from "../words/joined.js";
 import { degreeSigns } from "../words/clinical.js";
 import { t } from "../words/words.js";
 
@@ -26,6 +26,7 @@ export function mount(root, api, { session, result, go }) {
 
   function draw(methods) {
     const options = h("div", { class: "options" });
+    const abilities = h("p", { class: "hint", "aria-live": "polite" });
     const choice = select(
       methods.map((m) => [m.name, labelled(m.name, m.title)]),
       result?.method ?? initial(methods),
@@ -35,6 +36,7 @@ export function mount(root, api, { session, result, go }) {
       "form",
       { novalidate: true },
       field(t("again.method"), choice),
+      abilities,
       h("details", {}, h("summary", {}, t("again.options")), options),
       h("p", {}, h("button", { class: "primary", type: "submit" }, t("again.send"))),
     );
@@ -42,6 +44,7 @@ export function mount(root, api, { session, result, go }) {
     let controls = new Map();
 
     function showOptions() {
+      abilities.textContent = several(chosen().abilities);
       controls = new Map(chosen().options.map((o) => [o, control(o, result?.parameters?.[o.name] ?? o.default)]));
       options.replaceChildren(
         ...[...controls].map(([o, input]) => {
