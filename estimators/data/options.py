@@ -63,7 +63,7 @@ def changed_options(params: Any) -> dict[str, Any]:
 
 def part_of(params: Part, part: type[Part]) -> Part:
     """The options of a Params that one of its base classes declares, as that class."""
-    return part(**{f.name: vars(params)[f.name] for f in fields(part)})
+    return part(**{d.name: vars(params)[d.name] for d in describe(part)})
 
 
 def _describe(f: "Field[Any]") -> Description:
