@@ -8,11 +8,14 @@ Limits  after the first step checks take at most `SHARE` of the tracker's proces
 import logging
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+
+import numpy as np
 
 from handscope.app.live.tracking import Tracking, measured
 from handscope.app.live.wizard.machine import State, StationStatus, Wizard, propose
+from handscope.estimators.data.samples import GYR, Block
 from handscope.estimators.errors import InputError
 from handscope.estimators.fault_detection.check import check_recording
 from handscope.estimators.fault_detection.finding import Suspicion
@@ -26,8 +29,11 @@ log = logging.getLogger(__name__)
 MOVED, MOVING = 10.0, 0.5  # s of movement that a first check needs; rad/s of the fastest sensor
 OFTENER = 2.0  # times as much movement until the next check of the first step
 LOOKED_AT = 30.0  # s, the newest of a recording
+BUSIEST = (
+    15.0  # s of those since the check before, in which sensors turn most: after the first step
+)
 SHARE = 0.05  # of the tracker's processor time
-USUAL_COST = 0.2  # s of processor time, of a check of 30 s of 16 sensors; until one was run
+USUAL_COST = 0.07  # s of processor time, of a check of 15 s of 16 sensors; until one was run
 OWN = {State.POSE_REVIEW, State.TASK_REVIEW}
 
 
@@ -46,6 +52,7 @@ class SensorChecks:
     _last: tuple[State, float] = (State.CONNECT, 0.0)  # state and recording time at the last tick
     _due: bool = False
     _cost: float = USUAL_COST  # s of processor time of the newest check
+    _looked: float = -np.inf  # s, newest sample that a check has seen
     _begun: int = 0  # times that samples were read anew
     _thread: threading.Thread | None = field(default=None, repr=False)
 
@@ -75,7 +82,7 @@ class SensorChecks:
 
     def restart(self) -> None:
         """Samples are read in another manner from now on: what was found of the others holds no more."""
-        self.found, self._moved, self._needed = (), 0.0, MOVED
+        self.found, self._moved, self._needed, self._looked = (), 0.0, MOVED, -np.inf
         self._begun += 1
 
     def swapped(self) -> tuple[str, str] | None:
@@ -97,7 +104,7 @@ class SensorChecks:
     def _run(self, first: bool, mounting: Mapping[str, Array], begun: int) -> None:
         began = time.thread_time()
         try:
-            found = self.check(mounting)
+            found = self.check(mounting, first)
         except InputError:
             found = []
         except Exception:  # a check that fails must not end a session that records
@@ -110,16 +117,38 @@ class SensorChecks:
             self.found = (*known, *found)
             self.notify()
 
-    def check(self, mounting: Mapping[str, Array]) -> list[Suspicion]:
-        """What the newest samples show, questions about the person left out."""
-        blocks = measured(self.tracking.samples(self.tracking.newest_sample() - LOOKED_AT))
+    def check(self, mounting: Mapping[str, Array], first: bool = False) -> list[Suspicion]:
+        """What the newest samples show, questions about the person left out; after the first step the part in which sensors turn most."""
+        newest = self.tracking.newest_sample()
+        since = newest - LOOKED_AT if first else max(newest - LOOKED_AT, self._looked)
+        blocks = [b for b in measured(self.tracking.samples(since)) if len(b.t)]
+        self._looked = newest
         declared = LoadedRecording(self.hand, self.geometry, mounting, {}, ())
         calibration = self.tracking.calibration
         calibrations = (
             [] if calibration is None or not calibration.source.is_pose else [calibration]
         )
-        found = check_recording([b for b in blocks if len(b.t)], declared, calibrations)
+        found = check_recording(blocks if first else busiest(blocks), declared, calibrations)
         return [s for s in found if s.message.severity != "info"]
+
+
+def busiest(blocks: Sequence[Block], seconds: float = BUSIEST) -> list[Block]:
+    """The part of so many seconds, from a full second on, in which the sensors turn most; all where there is no more."""
+    turning = [b for b in blocks if GYR in b.stream.quantities]
+    if not turning:
+        return list(blocks)
+    first, last = (f(b.t[k] for b in turning) for f, k in ((min, 0), (max, -1)))
+    starts = np.arange(first, max(last - seconds, first) + 1e-9)
+    turned = sum(_turned_since(b, starts) - _turned_since(b, starts + seconds) for b in turning)
+    start = float(starts[int(np.argmax(turned))])
+    return [part for b in blocks if len((part := b.between(start, start + seconds)).t)]
+
+
+def _turned_since(block: Block, t: Array) -> Array:
+    """Squared rates of a block's sensors from instants (n,) on, integrated."""
+    squares = np.nansum(block.of(GYR) ** 2, axis=(1, 2)) / block.stream.rate
+    left = np.append(np.cumsum(squares[::-1])[::-1], 0.0)
+    return np.asarray(left[np.searchsorted(block.t, t)])
 
 
 def _again(one: Suspicion, others: list[Suspicion]) -> bool:

@@ -37,6 +37,7 @@ REPRODUCTIONS = {
     "broad": "the fusion on real trials (Laidig et al. 2021)",
     "fault-table": "how large a fault of a sensor must be to be found, and how often intact recordings are doubted",
     "crosschecks": "the same for faults that only sensors compared with each other show",
+    "false-alarms": "what the checks say of recordings that are right, of 37 kinds",
 }
 
 
@@ -64,6 +65,7 @@ MODULES = {  # of handscope.validation
     "broad": "studies.broad",
     "fault-table": "studies.fault_table",
     "crosschecks": "studies.crosschecks",
+    "false-alarms": "studies.false_alarms",
 }
 
 

@@ -8,6 +8,7 @@ Limits  at least two others have to move together and to show the same lag; what
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -32,7 +33,7 @@ NOISE, SHARE = (
     0.1,
 )  # rad/s; of a rate that others do not tell, as fingers bend each a little by itself: ours
 EXPLAINED = 0.2  # share of a rate's variance that others may leave at the lag
-GATE = 0.02  # share that they may leave without any; then nothing is late
+SOME = 0.3  # the same before windows are weighed: from here on it is looked at
 SURE = 0.01  # probability from which on one other is counted as showing the lag, or as showing none
 PARTS = 8  # of the recording, at whose edges a lag may begin or end
 FEWEST = 2  # others
@@ -51,6 +52,7 @@ class _Shown:
     lag: float  # s, at which it fits best
     rest: Array  # (lags, K) what it leaves in each window
     noise: float
+    variance: float  # of the group's rate, summed over the windows that were asked
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,24 @@ class _Signals:
         str
     ]  # sensors of fingers whose main axis is that of flexion, flexion being positive
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self.now)
+
+    @cached_property
+    def sums(self) -> tuple[Array, Array, Array]:
+        """Of each window, sums of products of rates: (K, S, L, S) later by a lag and now, (K, S, L) later, (K, S) now."""
+        use = np.array([self.use[s] for s in self.names]).T[:, :, None]
+        now = np.moveaxis(np.array([self.now[s] for s in self.names]), 0, 1) * use
+        later = np.moveaxis(np.array([self.later[s] for s in self.names]), 2, 0) * use[..., None]
+        return later @ now[:, None].swapaxes(2, 3), (later**2).sum(axis=3), (now**2).sum(axis=2)
+
+    def left(self, span: tuple[float, float]) -> Array:
+        """Share (S, L, S) of each sensor's variance, read later by a lag, that each sensor's rate leaves within a span."""
+        inside = (self.t >= span[0]) & (self.t < span[1])
+        product, later, now = (v[inside].sum(axis=0) for v in self.sums)
+        return np.asarray(1.0 - product**2 / np.maximum(later[..., None] * now, 1e-12))
+
 
 def find(pairs: Pairs, accused: Sequence[str] = ()) -> list[Delay]:
     """Late sensors of fingers, else late strips, with the probability of such lags where nothing is late.
@@ -73,6 +93,8 @@ def find(pairs: Pairs, accused: Sequence[str] = ()) -> list[Delay]:
     Fingers of sensors that are accused already are not asked.
     """
     signals = _signals(pairs)
+    if len(signals.t) < paired_test.FEWEST or not signals.now:
+        return []
     free = {
         f: tuple(s for s in chain if s in signals.now)
         for f, chain in CHAINS.items()
@@ -135,11 +157,13 @@ def _latest(
 ) -> list[Delay]:
     """Of each group the span that shows a lag best, where one does."""
     tests = len(groups) * (len(spans) + 2) * round(2 * FURTHEST / LEAST)  # lags nearer are one
-    found = []
+    found, left = [], [signals.left(span) for span in spans]
     for group, others in groups:
-        if len(others) < FEWEST or _moves_as_others(signals, group, others):
-            continue
-        tried = [_judged(signals, group, others, span) for span in spans]
+        tried = [
+            _judged(signals, group, others, span)
+            for span, rest in zip(spans, left)
+            if _shows_a_lag(signals, rest, group, others)
+        ]
         sure = [d for d in tried if d is not None]
         if sure:
             best = max(sure, key=lambda d: d.gain)
@@ -163,14 +187,15 @@ def _begun(
     yield found.span[0], float(signals.t[int(np.argmax(until))]) + joint_windows.LENGTH
 
 
-def _moves_as_others(
-    signals: _Signals, group: tuple[str, ...], others: list[tuple[str, ...]]
+def _shows_a_lag(
+    signals: _Signals, left: Array, group: tuple[str, ...], others: Sequence[tuple[str, ...]]
 ) -> bool:
-    """Whether all others show no lag over the whole, as of most intact recordings: then spans are not asked."""
-    every, zero = np.ones(len(signals.t)), len(signals.lags) // 2
-    shown = [_shown(signals, group, o, every) for o in others]
-    variance = _variance(signals, group, every)
-    return all(s is None or s.rest[zero].mean() < GATE * variance for s in shown)
+    """Whether enough others tell the rate of a group within a span (`left` of it), and best with a lag."""
+    own = signals.names.index(group[-1])
+    of_others = left[own][:, [signals.names.index(o[-1]) for o in others]]
+    lag = np.abs(signals.lags[of_others.argmin(axis=0)])
+    telling = (of_others.min(axis=0) < SOME) & (lag >= LEAST - SPREAD)
+    return bool(np.count_nonzero(telling) >= FEWEST)
 
 
 def _judged(
@@ -181,9 +206,8 @@ def _judged(
 ) -> Delay | None:
     """The lag of a group within a span that at least `FEWEST` others show and none contradicts."""
     inside = ((signals.t >= span[0]) & (signals.t < span[1])).astype(float)
-    variance = _variance(signals, group, inside)
     shown = [s for o in others if (s := _shown(signals, group, o, inside)) is not None]
-    telling = [s for s in shown if _least(s).mean() < EXPLAINED * variance]
+    telling = [s for s in shown if _least(s).sum() < EXPLAINED * s.variance]
     lags = np.array([s.lag for s in telling])
     if (
         len(lags) < FEWEST
@@ -211,11 +235,6 @@ def _shared_lag(lags: Array) -> float:
     return float(lags[abs(lags - best) <= SPREAD + 1e-9].mean())
 
 
-def _variance(signals: _Signals, group: tuple[str, ...], inside: Array) -> float:
-    use = (inside * np.prod([signals.use[s] for s in group], axis=0)).astype(bool)
-    return float((signals.now[group[-1]][use] ** 2).mean()) if use.any() else 0.0
-
-
 def _shown(
     signals: _Signals, group: tuple[str, ...], other: tuple[str, ...], inside: Array
 ) -> _Shown | None:
@@ -237,7 +256,8 @@ def _shown(
     rest = np.zeros((len(Y), len(use)))
     rest[:, use] = left
     total = np.log(left + noise).sum(axis=1)
-    return _Shown(float(signals.lags[int(np.argmin(total))]), rest, noise)
+    of_group = float((signals.now[group[-1]][use] ** 2).mean(axis=1).sum())
+    return _Shown(float(signals.lags[int(np.argmin(total))]), rest, noise, of_group)
 
 
 def _frequency(rate: Array) -> float:

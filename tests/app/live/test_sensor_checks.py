@@ -192,3 +192,32 @@ def test_a_correction_is_kept_as_an_event_and_changes_what_is_read_not_what_came
     assert set(glove.events.values()) == {None}
     (read,) = corrections.read([came])
     np.testing.assert_array_equal(read.values, came.values)
+
+
+def test_after_a_task_the_part_in_which_the_sensors_turned_most_is_looked_at(
+    session: Session,
+) -> None:
+    stream = Stream("imu", ("hand", "index_middle"), (GYR, ACC), 100.0, "imu")
+    t = 10.0 + np.arange(3000) / 100.0
+    values = np.zeros((len(t), 2, 6))
+    values[(t >= 18.0) & (t < 31.0), 1, 2] = 3.0
+    session.tracking.samples = lambda since: [Block(stream, t, values).between(since, np.inf)]
+    session.tracking.spent = 1e3
+    session.go_on(State.TASK_REVIEW, 1)
+    (block,) = session.looked[0]["blocks"]
+    assert block.t[0] <= 18.0 and block.t[-1] >= 30.9
+    assert block.t[-1] - block.t[0] == pytest.approx(sensor_checks.BUSIEST, abs=0.02)
+
+
+def test_samples_that_a_check_has_seen_are_not_looked_at_again(session: Session) -> None:
+    stream = Stream("imu", ("hand", "index_middle"), (GYR, ACC), 100.0, "imu")
+    t = 36.0 + np.arange(1000) / 100.0
+    block = Block(stream, t, np.ones((len(t), 2, 6)))
+    session.tracking.samples = lambda since: [block.between(since, np.inf)]
+    session.tracking.spent = 1e3
+    session.go_on(State.TASK_REVIEW, 1)
+    session.tracking.newest_sample = lambda: 46.0
+    session.go_on(State.TASKS, 1)
+    session.go_on(State.TASK_REVIEW, 1)
+    (again,) = session.looked[1]["blocks"]
+    assert again.t[0] >= 40.0
