@@ -1,11 +1,12 @@
 /** The newest seconds of the quantity under test. */
-import { h, whenChanged } from "../dom.js";
+import { h, paced, whenChanged } from "../dom.js";
 import { makePlot } from "../plots/plot.js";
 import { curveWords, valueWords } from "../words/clinical.js";
 import { t } from "../words/words.js";
 
 const WINDOW = 15; // s shown
 const KEPT = 2000; // points
+const PAUSE = 50; // ms between two drawings: the curve moves by less than two pixels
 
 export function mount(root, api, { station }) {
   const name = h("h3", {});
@@ -15,6 +16,7 @@ export function mount(root, api, { station }) {
   let what = "aperture";
   let [times, values] = [[], []];
   let drawn = 0;
+  let gone = false;
   const plot = makePlot(place, {
     label: t("curve.live"),
     lines: [{ colour: "--curve-1" }],
@@ -42,11 +44,14 @@ export function mount(root, api, { station }) {
       values.push(value);
     }
     if (times.length > KEPT) [times, values] = [times.slice(-KEPT), values.slice(-KEPT)];
-    if (pulse.points.length && !drawn) drawn = requestAnimationFrame(draw);
+    if (pulse.points.length) drawLater();
   }
+
+  const drawLater = paced(PAUSE, () => (drawn ||= requestAnimationFrame(draw)));
 
   function draw() {
     drawn = 0;
+    if (gone) return;
     hint.hidden = times.length > 1;
     const from = times.findIndex((t) => t > times[times.length - 1] - WINDOW);
     plot.set([times.slice(from), values.slice(from)]);
@@ -54,6 +59,7 @@ export function mount(root, api, { station }) {
 
   const leave = [station.on("full", rename), station.on("pulse", take)];
   return () => {
+    gone = true;
     leave.forEach((stop) => stop());
     cancelAnimationFrame(drawn);
     plot.destroy();

@@ -16,6 +16,7 @@ from handscope.app.language import Language
 from handscope.app.live.tracking import Tracking
 from handscope.app.live.wizard.machine import State, Wizard
 from handscope.app.protocols import CURVES, Protocol
+from handscope.app.report.change_words import value_words
 from handscope.app.report.progress.importance import HEADLINES
 from handscope.app.report.units import places_of, reading, with_unit
 from handscope.app.report.words import named
@@ -217,10 +218,13 @@ def _figure_words(f: Mapping[str, Any], language: Language) -> dict[str, Any]:
     def words(value: float | None) -> str | None:
         if value is None:
             return None
+        if value < 0 and f["unit"] == "deg":
+            return value_words(f["figure"], value, "deg", language)
         number = language.number(
-            value, 0 if f["unit"] == "deg" else places_of(f["value"], f["unit"])
+            abs(value), 0 if f["unit"] == "deg" else places_of(f["value"], f["unit"])
         )
-        return with_unit(number, f["unit"], language)
+        size = with_unit(number, f["unit"], language)
+        return size if value >= 0 else language.say("progress.below_zero", size=size)
 
     return {
         "label": named(figure, language),

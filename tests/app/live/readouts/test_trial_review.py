@@ -83,6 +83,20 @@ def test_there_is_a_mark_for_every_tap_and_every_repetition_that_is_counted(
     assert all(onset + late <= mark <= end for mark in found["marks"])
 
 
+def test_what_is_below_zero_is_said_in_words() -> None:
+    row = {"figure": "tapping_decrement_ratio", "part": "", "what": "tapping_decrement_ratio"}
+    values = {"unit": "%", "value": -19.2, "sd": None, "last": -4.0, "other": 2.0}
+    words = localised_review({"figures": [{**row, **values, "end": "", "grade": "good"}]}, languages()["en"])  # fmt: skip
+    assert words is not None
+    (figure,) = words["figures"]
+    assert [figure[name] for name in ("value", "last", "other")] == ["19 % smaller", "4 % smaller", "2 %"]  # fmt: skip
+    bent = {"figure": "index_pip_flexion_min", "part": "index", "what": "", "unit": "deg"}
+    ends = {"value": -7.0, "sd": None, "last": 4.0, "other": None}
+    words = localised_review({"figures": [{**bent, **ends, "end": "min", "grade": "good"}]}, languages()["en"])  # fmt: skip
+    assert words is not None
+    assert [words["figures"][0][name] for name in ("value", "last")] == ["7° hyperextension", "4°"]
+
+
 def without_some(block: Block, share: float) -> Block:
     """The block with this share of its samples missing."""
     kept = np.arange(len(block.t)) >= share * len(block.t)
