@@ -164,10 +164,10 @@ def _verdict(figure: Figure, change: Change | None) -> Literal["better", "worse"
 def _words(figure: Figure, value: float, language: Language) -> str:
     """A value in the unit a person reads; below zero it is said in words."""
     read = reading(Figure(figure.name, abs(value), figure.unit, ""))
-    size = with_unit(
-        language.number(read.value, places_of(read.value, read.unit)), read.unit, language
-    )
-    return size if value >= 0 else language.say("progress.below_zero", size=size)
+    places = places_of(read.value, read.unit)
+    size = with_unit(language.number(read.value, places), read.unit, language)
+    below = value < 0 and round(read.value, places) > 0
+    return language.say("progress.below_zero", size=size) if below else size
 
 
 def finger_rows(

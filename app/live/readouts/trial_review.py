@@ -220,11 +220,10 @@ def _figure_words(f: Mapping[str, Any], language: Language) -> dict[str, Any]:
             return None
         if value < 0 and f["unit"] == "deg":
             return value_words(f["figure"], value, "deg", language)
-        number = language.number(
-            abs(value), 0 if f["unit"] == "deg" else places_of(f["value"], f["unit"])
-        )
-        size = with_unit(number, f["unit"], language)
-        return size if value >= 0 else language.say("progress.below_zero", size=size)
+        places = 0 if f["unit"] == "deg" else places_of(f["value"], f["unit"])
+        size = with_unit(language.number(abs(value), places), f["unit"], language)
+        below = value < 0 and round(-value, places) > 0
+        return language.say("progress.below_zero", size=size) if below else size
 
     return {
         "label": named(figure, language),

@@ -75,10 +75,13 @@ def test_a_fist_has_a_tile_for_each_long_fingers_total_motion() -> None:
     assert task["tiles"][0]["value"] == "229°"
 
 
-def test_a_value_below_zero_is_said_in_words() -> None:
-    smaller = Figure("tapping_decrement_ratio", -0.016, "1", "x", what="tapping_decrement_ratio")
-    (task,) = headlines([("tapping", "tapping", smaller)], {}, EN, None, None, None)
-    assert task["tiles"][0]["value"] == "1.6 % smaller"
+@pytest.mark.parametrize(
+    ("value", "words"), [(-0.016, "1.6 % smaller"), (0.016, "1.6 %"), (-0.0004, "0.0 %")]
+)
+def test_a_value_below_zero_is_said_in_words(value: float, words: str) -> None:
+    ratio = Figure("tapping_decrement_ratio", value, "1", "x", what="tapping_decrement_ratio")
+    (task,) = headlines([("tapping", "tapping", ratio)], {}, EN, None, None, None)
+    assert task["tiles"][0]["value"] == words
 
 
 def test_a_figure_that_was_not_measured_has_no_tile() -> None:
