@@ -45,7 +45,7 @@ def test_no_page_and_no_report_shows_a_key(
     places = ["/", f"/patients/{patient}", *(f"/sessions/{s}" for s in sessions)]
     for language in languages():
         page.evaluate("(one) => localStorage.setItem('handscope-language', one)", language)
-        for place in (*places, "/protocols", "/help", "/account", "/audit"):
+        for place in (*places, "/protocols", "/devices", "/help", "/account", "/audit"):
             page.goto(f"{server.base}{place}")
             page.wait_for_load_state("networkidle")
             assert page.locator("html").get_attribute("lang") == language
