@@ -20,6 +20,12 @@ SHOWN = (900, 600)  # pixels of the film
 STEP = 250  # ms between two pictures while the hand moves
 QUALITY = 62
 MOST_BYTES = 3_000_000
+SELDOM = """
+  const draws = window.requestAnimationFrame, drops = window.cancelAnimationFrame;
+  const there = () => location.pathname.startsWith("/scene/") && window.__viserSceneTree?.getState()["/hand/palm"] !== undefined;
+  window.requestAnimationFrame = (draw) => (there() ? -setTimeout(() => draws(draw), 800) : draws(draw));
+  window.cancelAnimationFrame = (drawing) => (drawing < 0 ? clearTimeout(-drawing) : drops(drawing));
+"""  # drawn in software at full speed, the scene takes both cores, and the recording loses samples
 
 
 class Film:
@@ -123,6 +129,7 @@ def main() -> None:
         browser = t.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
         page = browser.new_context(viewport=VIEW).new_page()  # type: ignore[arg-type]
         page.set_default_timeout(180_000)
+        page.add_init_script(SELDOM)
         page.goto(address)
         film = Film(page)
         session(page, film)
