@@ -15,6 +15,7 @@ from websockets.http11 import Request, Response
 from handscope.app.scene.bridge import PROTOCOL
 from handscope.app.scene.hand_scene import HandScene
 from tests.app.scene.small_site import COOKIE, SELDOM, Site, eventually, site
+from tests.browser import UNDRAWN
 
 pytestmark = pytest.mark.browser
 
@@ -68,7 +69,7 @@ def following(browser: Browser, where: Site, query: str) -> Iterator[tuple[Page,
     """Somebody logged in follows a link; what the page then writes on its console."""
     context, said = browser.new_context(viewport={"width": 320, "height": 240}), []
     context.add_cookies([{**COOKIE, "url": f"http://{where.host}"}])  # type: ignore[list-item, typeddict-item]
-    context.add_init_script(SELDOM)
+    context.add_init_script(SELDOM + UNDRAWN)
     page = context.new_page()
     page.on("console", lambda line: said.append(line.text))
     page.goto(where.address + query)

@@ -17,6 +17,7 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Bools
 from handscope.estimators.simulation.movements import task_performance
 from tests.app.scene.small_site import COOKIE, PICTURE, SELDOM, WAIT, Site, eventually, site
+from tests.browser import UNDRAWN
 
 pytestmark = pytest.mark.browser
 SIZES = {"wide": (1440, 900), "small": (1024, 768), "narrow": (420, 700)}
@@ -50,8 +51,9 @@ def page(browser: Browser, served: Site, asked: Asked) -> Iterator[Page]:
 
 
 @pytest.fixture(autouse=True)
-def plain(scene: HandScene, right_scene: HandScene) -> None:
-    """Every test begins with a resting hand, all of it measured, nothing else shown."""
+def plain(page: Page, scene: HandScene, right_scene: HandScene) -> None:
+    """Every test begins with a resting hand, all of it measured, nothing else shown, on a small page."""
+    resized(page, QUICK)
     for each in (scene, right_scene):
         each.face_ahead()
         each.measured(FINGERS)
@@ -69,15 +71,11 @@ def resized(page: Page, size: tuple[int, int]) -> None:
 def opened(
     browser: Browser,
     served: Site,
-    size: tuple[int, int] = QUICK,
     hear: Callable[[str], None] = lambda url: None,
-    points: float = 1,
 ) -> Page:
-    """The page of a scene, logged in, when the hand has come; so many points of a picture a CSS pixel."""
-    width, height = size
-    context = browser.new_context(
-        viewport={"width": width, "height": height}, device_scale_factor=points
-    )
+    """The page of a scene, logged in, when the hand has come."""
+    width, height = QUICK
+    context = browser.new_context(viewport={"width": width, "height": height})
     context.add_cookies([{**COOKIE, "url": f"http://{served.host}"}])  # type: ignore[list-item, typeddict-item]
     context.add_init_script(SELDOM)
     page = context.new_page()
@@ -151,12 +149,8 @@ def hand_like(picture: Picture) -> bool:
     ],
 )
 def test_a_hand_is_drawn_in_the_middle_at_every_size(
-    browser: Browser, scene: HandScene, served: Site, sizes: tuple[str, ...], tmp_path: Path
+    page: Page, scene: HandScene, sizes: tuple[str, ...], tmp_path: Path
 ) -> None:
-    """A page is opened at the first size; at the shape of the small one all the others are."""
-    page = opened(
-        browser, served, SIZES[sizes[0]], points=0.5
-    )  # a quarter of the work of drawing it
     for size in sizes:
         resized(page, SIZES[size])
         scene.show(postures.relaxed(), None)
@@ -172,7 +166,6 @@ def test_a_hand_is_drawn_in_the_middle_at_every_size(
             hand_like(p) and p.share(p.skin) > more and np.ptp(np.nonzero(p.skin)[1]) > wider  # noqa: B023
         )
         seen(page, spread, tmp_path / f"spread-{size}.png")
-    page.context.close()
 
 
 def test_one_page_opens_one_socket_to_us_and_nothing_else(
@@ -234,7 +227,7 @@ def test_a_scene_in_a_frame_connects_again_although_somebody_works_beside_it(
     """viser's own page waits until it has the focus."""
     context = browser.new_context(viewport={"width": 320, "height": 240})
     context.add_cookies([{**COOKIE, "url": f"http://{served.host}"}])  # type: ignore[list-item, typeddict-item]
-    context.add_init_script(SELDOM)
+    context.add_init_script(SELDOM + UNDRAWN)
     page = context.new_page()
     around = f'<button>Continue</button><iframe src="{served.path}"></iframe>'
     page.route("**/around", lambda route: route.fulfill(body=around, content_type="text/html"))
@@ -383,7 +376,6 @@ def test_viser_shows_nothing_of_its_own(page: Page, size: str) -> None:
     )  # it is there, but hidden
     assert page.locator("button:visible, input:visible, a:visible").count() == 0
     assert page.locator("body").inner_text().strip() == ""
-    resized(page, QUICK)
 
 
 def test_who_is_not_logged_in_gets_no_page(browser: Browser, served: Site) -> None:
