@@ -132,6 +132,12 @@ def from_matrix(R_ab: Array) -> Array:
     return (q * np.where(q[:, :1] < 0, -1.0, 1.0)).reshape(*R.shape[:-2], 4)
 
 
+def cross(a: Array, b: Array) -> Array:
+    """Cross product a x b of vectors (..., 3): the same bits as numpy's, at a fraction of its
+    cost for few rows."""
+    return _cross(a, b)
+
+
 def skew(v: Array) -> Array:
     """Cross-product matrix (..., 3, 3): skew(v) @ u = v x u."""
     zero = np.zeros(v.shape[:-1])
@@ -154,6 +160,13 @@ def _multiply(a: Array, b: Array, product: Array) -> None:
     product[1] = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2]
     product[2] = a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1]
     product[3] = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]
+
+
+@rowwise("(v),(v)->(v)")
+def _cross(a: Array, b: Array, product: Array) -> None:
+    product[0] = a[1] * b[2] - a[2] * b[1]
+    product[1] = a[2] * b[0] - a[0] * b[2]
+    product[2] = a[0] * b[1] - a[1] * b[0]
 
 
 @rowwise("(q)->(q)")

@@ -357,7 +357,7 @@ def integrate_rates(w: Array, dt: float) -> Array:
     """Rotation vectors (n-1, ..., 3) between samples of a rate (n, ..., 3): cubics through four samples, the axis' own movement to second order."""
     mean = 0.5 * (w[1:] + w[:-1])
     mean[1:-1] = (13 * (w[1:-2] + w[2:-1]) - (w[:-3] + w[3:])) / 24
-    return np.asarray(dt * mean + dt**2 / 12 * np.cross(w[:-1], w[1:]))
+    return np.asarray(dt * mean + dt**2 / 12 * quat.cross(w[:-1], w[1:]))
 
 
 def parameter_columns(chain: Chain) -> Columns:
@@ -442,7 +442,7 @@ def with_flexion(problem: Problem, at: Unknowns) -> Problem:
 
 def _flexion_angle(z: Array, before: Array, behind: Array) -> Array:
     """How far the second direction is turned from the first about a third, all (n, 3): (n,) rad."""
-    side = np.einsum("ni,ni->n", z, np.cross(before, behind))
+    side = np.einsum("ni,ni->n", z, quat.cross(before, behind))
     along = np.einsum("ni,ni->n", before, behind) - np.einsum("ni,ni->n", z, before) * np.einsum(
         "ni,ni->n", z, behind
     )

@@ -54,7 +54,7 @@ def place_by_turn(skin: SensorDisplacement, place: Array) -> Array:
 def place_by_flexion(skin: SensorDisplacement, turn: Array, slide: Array, place: Array) -> Array:
     """The derivative (..., 3) of `place_in_sensor` by how far the only joint is bent that turns the sensor by `turn` (3,) rad/rad and slides it by `slide` (3,) m/rad."""
     return -np.asarray(
-        np.einsum("...ij,...j->...i", skin.back, np.cross(turn, place - skin.slide) + slide)
+        np.einsum("...ij,...j->...i", skin.back, quat.cross(turn, place - skin.slide) + slide)
     )
 
 

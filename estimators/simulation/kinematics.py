@@ -114,7 +114,7 @@ def true_trajectory(kinematics: Kinematics, hand: Hand) -> Trajectory:
 
 def rigid_point(p: Array, a: Array, w: Array, dw: Array, arm: Array) -> tuple[Array, Array]:
     """Place and acceleration of a point that sits at `arm` from a point at p with acceleration a on a body turning with w, dw."""
-    return p + arm, a + np.cross(dw, arm) + np.cross(w, np.cross(w, arm))
+    return p + arm, a + quat.cross(dw, arm) + quat.cross(w, quat.cross(w, arm))
 
 
 def base_orientation(hand: Hand) -> Array:
@@ -162,14 +162,14 @@ def _rotate_child(
         accelerations[:, :1] * e_z
         + accelerations[:, 1:2] * e_x
         + accelerations[:, 2:] * e_y
-        + np.cross(w_z, w_x)
-        + np.cross(w_z + w_x, w_y)
+        + quat.cross(w_z, w_x)
+        + quat.cross(w_z + w_x, w_y)
     )
     w_rel = quat.rotate(q_p, relative)
     return (
         quat.multiply(q_p, quat.multiply(q_zx, quat.about(1, y))),
         w_p + w_rel,
-        dw_p + quat.rotate(q_p, change) + np.cross(w_p, w_rel),
+        dw_p + quat.rotate(q_p, change) + quat.cross(w_p, w_rel),
     )
 
 

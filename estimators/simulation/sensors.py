@@ -273,9 +273,9 @@ def _sensor_motion(sensors: SensorSet, k: Kinematics) -> _SensorMotion:
     )
     a = (
         k.a[:, s]
-        + np.cross(dw, arm)
-        + np.cross(w, np.cross(w, arm))
-        + 2 * np.cross(w, drift)
+        + quat.cross(dw, arm)
+        + quat.cross(w, quat.cross(w, arm))
+        + 2 * quat.cross(w, drift)
         + push
     )
     skin = quat.exp(flexion * sensors.skin_turn)

@@ -175,6 +175,11 @@ def test_the_mean_lies_in_the_middle_whatever_the_signs(
     assert quat.mean(around)[0] >= 0
 
 
+def test_cross_products_are_numpys_to_the_bit(rng: np.random.Generator) -> None:
+    u, v = rng.normal(size=(20, 3, 3)), rng.normal(size=(3, 3))
+    np.testing.assert_array_equal(quat.cross(u, v), np.cross(u, v))
+
+
 def test_skew_is_the_cross_product(rng: np.random.Generator) -> None:
     u, v = rng.normal(size=(2, 5, 3))
     np.testing.assert_allclose((quat.skew(u) @ v[..., None])[..., 0], np.cross(u, v), atol=1e-15)
