@@ -1,5 +1,6 @@
 """Shared by all tests: one thread for linear algebra, how hypothesis draws its examples, recordings that several tests read."""
 
+import gc
 import logging
 import os
 from collections.abc import Iterator
@@ -39,6 +40,17 @@ CONTEXT.set_forkserver_preload(
 @pytest.hookimpl(optionalhook=True)  # where the tests run in several processes
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> schedule.Schedule:
     return schedule.Schedule(config, log)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """Modules and tests live until the end: the garbage collector leaves them out, during the collection and after it."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+        gc.freeze()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
