@@ -155,7 +155,7 @@ DOUBTED = {  # task with its options, the file that is changed, how, what the pa
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("task", DOUBTED)
+@pytest.mark.parametrize("task", [pytest.param("squeeze", marks=pytest.mark.slow), "reach"])
 def test_figures_that_cannot_be_trusted_say_why_and_what_to_do(
     page: Page, patient: int, tmp_path: Path, task: str
 ) -> None:

@@ -70,6 +70,7 @@ def test_a_glove_of_hand_and_forearm_measures_the_wrist(
     assert not any(finger in line for line in figures for finger in FINGERS)
 
 
+@pytest.mark.slow  # test_live_numbers.py holds the rule, without a glove
 def test_taps_counted_at_the_station_are_those_of_the_result(
     station_at: Callable[[str], Station], tmp_path: Path
 ) -> None:

@@ -78,7 +78,7 @@ def exchanged(recording: Simulated, one: str, other: str) -> Simulated:
 
 
 @pytest.mark.parametrize("task", TASKS)
-@pytest.mark.parametrize("hand", ["left", "right"])
+@pytest.mark.parametrize("hand", ["left", pytest.param("right", marks=pytest.mark.slow)])
 def test_nothing_is_found_in_healthy_recordings(task: str, hand: str) -> None:
     for seed, errors in enumerate((SensorErrors(), LSM330DLC_HMC5983, IDEAL)):
         assert found(made(task, hand, seed, errors, magnetic=seed == 1)) == []

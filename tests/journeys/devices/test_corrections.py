@@ -47,7 +47,7 @@ def begin(page: Page, server: Server, port: Path) -> None:
     shown(act(page, "continue"))
 
 
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("fault", ["sign", pytest.param("exchange", marks=pytest.mark.slow)])
 def test_a_fault_is_named_and_put_right_in_the_first_step_and_samples_stay_raw(
     page_without_scene: Page, server: Server, tmp_path: Path, fault: str
 ) -> None:
