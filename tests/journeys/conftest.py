@@ -1,5 +1,6 @@
 """A real server with virtual gloves, and real browsers on it; every page's console is listened to."""
 
+import re
 import signal
 import socket
 import subprocess
@@ -31,9 +32,7 @@ NOISE = (
     "THREE.Clock",
     "GL Driver",
 )  # what a browser without a graphics card says of the scene
-PICTURE = (
-    1000 if shots() else 200
-)  # ms between two pictures of the scene once the hand stands in it
+PICTURE = 1000  # ms between two pictures of the scene once the hand stands in it
 SELDOM = """
   const draws = window.requestAnimationFrame, drops = window.cancelAnimationFrame;
   const there = () => location.pathname.startsWith("/scene/") && window.__viserSceneTree?.getState()["/hand/palm"] !== undefined;
@@ -47,6 +46,16 @@ SELDOM = """
 def drawn_seldom() -> str:
     """The script of a browser that draws the scene seldom, and not at all where nobody keeps pictures."""
     return SELDOM if shots() else SELDOM + UNDRAWN
+
+
+def empty_scene(page: Page) -> None:
+    """An empty page in the scene's place: without a graphics card the scene takes a good part of a core, also where it draws nothing."""
+    page.route(
+        re.compile(r"/scene/([^/]+/)?$"),  # a therapist's and a patient's
+        lambda route: route.fulfill(
+            body="<!doctype html><title>Hand</title>", content_type="text/html"
+        ),
+    )
 
 
 @pytest.fixture(scope="package")
@@ -134,13 +143,8 @@ def another_page(browser: Browser, server: Server) -> Iterator[Callable[..., Pag
                 else None
             ),
         )
-        if not scene:  # drawing it without a graphics card takes a core
-            page.route(
-                "**/scene/*/",
-                lambda route: route.fulfill(
-                    body="<!doctype html><title>Hand</title>", content_type="text/html"
-                ),
-            )
+        if not scene:
+            empty_scene(page)
         if at is not None:
             page.goto(at)
         made.append(page)

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, TimeoutError, expect
 
-from tests.browser import UNDRAWN
-from tests.journeys.conftest import SELDOM
+from tests.journeys.conftest import empty_scene
 from tests.journeys.house import (
     SIZES,
     Server,
@@ -186,7 +185,7 @@ def test_station_and_replay(page: Page, server: Server, processed: int) -> None:
 def test_patients_own_screen(page: Page, newcomer: Page, server: Server) -> None:
     context = newcomer.context.browser.new_context(bypass_csp=True)  # type: ignore[union-attr]
     tablet = context.new_page()
-    tablet.add_init_script(SELDOM + UNDRAWN)
+    empty_scene(tablet)
     tablet.goto(f"{server.base}/patient-view")
     shown(tablet.get_by_label("Code from your therapist"))
     looked_at(tablet, "screen-code")

@@ -5,7 +5,7 @@ import re
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.journeys.conftest import drawn_seldom
+from tests.journeys.conftest import drawn_seldom, empty_scene
 from tests.journeys.house import (
     Server,
     act,
@@ -24,8 +24,7 @@ pytestmark = pytest.mark.browser
 def test_the_patient_is_led_on_a_screen_of_their_own(
     page_without_scene: Page, newcomer: Page, server: Server
 ) -> None:
-    page, tablet = page_without_scene, newcomer
-    tablet.add_init_script(drawn_seldom())
+    page, tablet = page_without_scene, _tablet(newcomer)
     patient = new_patient(page)
     page.goto(f"/patients/{patient}")
     begin_session(page, "left")
@@ -82,8 +81,7 @@ def test_the_patient_is_led_on_a_screen_of_their_own(
 def test_both_hands_are_measured_in_one_visit_one_after_the_other(
     page_without_scene: Page, newcomer: Page, server: Server
 ) -> None:
-    page, tablet = page_without_scene, newcomer
-    tablet.add_init_script(drawn_seldom())
+    page, tablet = page_without_scene, _tablet(newcomer)
     patient = new_patient(page)
     page.goto(f"/patients/{patient}")
     first = begin_session(page, "left")
@@ -118,6 +116,15 @@ def test_both_hands_are_measured_in_one_visit_one_after_the_other(
     shown(page.get_by_role("link", name="Left hand, same visit")).click()
     shown(page.get_by_role("link", name="Right hand, same visit"))
     assert page.url.endswith(f"/sessions/{left['id']}")
+
+
+def _tablet(page: Page) -> Page:
+    """The patient's screen; its scene is there where its pictures are kept."""
+    if shots():
+        page.add_init_script(drawn_seldom())
+    else:
+        empty_scene(page)
+    return page
 
 
 def _measure_fist(page: Page) -> None:
