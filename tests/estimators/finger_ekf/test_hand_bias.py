@@ -1,6 +1,7 @@
 """What the fingers learn of the hand's gyroscope helps the thumb, and is not counted twice."""
 
 import numpy as np
+import pytest
 
 from handscope.estimators.finger_ekf import hand_bias
 from handscope.estimators.finger_ekf.hand_bias import HAND, Estimates, Reported
@@ -78,6 +79,38 @@ def test_what_was_told_corrects_all_that_goes_with_the_bias() -> None:
     np.testing.assert_allclose(after.bias[0], bias, rtol=1e-4)
     np.testing.assert_allclose(quat.log(after.q_pc[0]), -60.0 * bias, rtol=1e-3, atol=1e-9)
     assert np.linalg.eigvalsh(after.P).min() > -1e-12
+
+
+@pytest.mark.parametrize("wrong", [0.1 * DEG, 2.0 * DEG])
+def test_a_finger_whose_strip_is_faulty_does_not_mislead_the_thumb(wrong: float) -> None:
+    """Its own gyroscope jumps after a minute and comes back after another; all fingers are as sure as ever."""
+    rng = np.random.default_rng(4)
+    bias, P = np.zeros((4, 3)), np.tile(START**2 * np.eye(3), (4, 1, 1))
+    thumbs = {faulty: _thumb(np.zeros(3)) for faulty in (True, False)}
+    reported = {faulty: Reported(0.0, bias, P, NO_REST) for faulty in (True, False)}
+    for k in range(1, 37):
+        P = P + WALK**2 * SPAN * np.eye(3)
+        K = P @ np.linalg.inv(P + NOISE**2 * np.eye(3))
+        bias = bias + (K @ (0.3 * NOISE * rng.normal(size=(4, 3)) - bias)[..., None])[..., 0]
+        P = P - K @ P
+        for faulty, thumb in thumbs.items():
+            shown = bias + faulty * (12 < k <= 24) * np.array([[wrong] * 3, *np.zeros((3, 3))])
+            now = Reported(SPAN * k, shown, P, NO_REST)
+            gained = hand_bias.gained(reported[faulty], now, WALK)
+            thumbs[faulty], reported[faulty] = hand_bias.corrected(thumb, *gained), now
+    sd = np.sqrt(np.diag(thumbs[False].P[HAND, HAND]))
+    assert (sd < 0.7 * START).all()  # the thumb was told something
+    assert (np.abs(thumbs[True].bias[0] - thumbs[False].bias[0]) < 0.3 * sd).all()
+
+
+def test_fingers_that_disagree_two_by_two_tell_nothing() -> None:
+    P = np.tile(START**2 * np.eye(3), (4, 1, 1))
+    bias = DEG * np.array([[0.0] * 3, [0.0] * 3, [1.0] * 3, [1.0] * 3])
+    assert not hand_bias.find_agreeing(Reported(0.0, bias, P, NO_REST)).any()
+    one = DEG * np.array([[0.0] * 3, [0.001] * 3, [1.0] * 3, [0.0] * 3])
+    np.testing.assert_array_equal(
+        hand_bias.find_agreeing(Reported(0.0, one, P, NO_REST)), [True, True, False, True]
+    )
 
 
 def _thumb(bias: Array) -> Estimates:
