@@ -2,11 +2,14 @@
 
 In      a Calibration from a pose, with the nominal mounting that the pose was compared with; covariance of misalignments and of the pose's angles
 Out     the Calibration with the likeliest pose and mounting; the covariance of what is left of both
-Source  ours: a linear Gaussian model of gravity in all sensors. Unknown size of the misalignments: Bayesian model averaging (Hoeting et al. 1999, Stat Sci 14:382) with a log-normal prior around the option
-Limits  first order in the angles; gravity tells nothing about turns about the vertical; the size of the pose's errors is not learnt: beside the misalignments too few joints tell it
+Source  ours: a linear Gaussian model of gravity in all sensors. Unknown sizes of the misalignments and of what a person misses a pose by: Bayesian model averaging (Hoeting et al. 1999,
+        Stat Sci 14:382) with log-normal priors around the options
+Limits  first order in the angles; gravity tells nothing about turns about the vertical; the pose's size is told by few joints, so the option counts for much
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -14,7 +17,7 @@ from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.hand import forward_kinematics, joint_angles
 from handscope.estimators.hand.anatomy import JOINTS, SEGMENT, SEGMENTS
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.typing import Array
+from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.orientation.fusion import make_upright
 
 MOUNTINGS = 3 * len(SEGMENTS)  # errors of the mountings come first, then those of the joints
@@ -22,6 +25,9 @@ SIZE = MOUNTINGS + 3 * len(JOINTS)
 HAND_TILT_SD = np.radians(30.0)  # of the hand in the pose: hardly known
 SCALES = 2.0 ** np.arange(-2.0, 2.01, 0.25)  # of the misalignments against the option
 SCALE_SD = np.log(2.0)  # of the logarithm of that scale
+POSE_SCALES = 2.0 ** np.arange(-1.5, 2.01, 0.5)  # of the pose's errors against the option
+POSE_SCALE_SD = 0.5  # of its logarithm: most people between 0.6 and 1.6 of it
+UNLIKELY = 1e-6  # weight of a pair of scales, against the likeliest, that counts for nothing
 VERTICAL = np.array([0.0, 0.0, 1.0])
 
 
@@ -41,41 +47,64 @@ def can_infer(calibration: Calibration) -> bool:
 
 
 def infer(
-    calibration: Calibration, mounting_sd: float, pose_sd: Array, gravity_sd: float
+    calibration: Calibration,
+    mounting_sd: float,
+    pose_sd: Array,
+    gravity_sd: float,
+    measured: Bools | None = None,
 ) -> tuple[Calibration, Array]:
-    """The likeliest pose, and the covariance (SIZE, SIZE) rad^2 of the errors left: mountings by segment, angles by joint.
+    """The likeliest pose if the pose's size is the option's, and the covariance (SIZE, SIZE) rad^2 of its errors, whatever that size is: mountings by segment, angles by joint.
 
-    `mounting_sd` rad about each axis, `pose_sd` (joints, 3) rad, 0 where the joint has no such freedom, `gravity_sd` rad.
+    `mounting_sd` rad about each axis, `pose_sd` (joints, 3) rad, 0 where the joint has no such freedom, `gravity_sd` rad; `measured` (joints, 3): the
+    standard deviation is that of a measurement, and its size is known.
     """
     on_hand = _on_hand(calibration)
     seen = _gravity_seen(calibration, on_hand)
-    prior = np.concatenate([np.full(3, HAND_TILT_SD), np.ones(MOUNTINGS), pose_sd.ravel()])
-    fits = []
-    for scale in SCALES:
-        sd = prior.copy()
-        sd[3 : 3 + MOUNTINGS] = scale * mounting_sd
-        fits.append(_condition(seen, sd**2, gravity_sd, -0.5 * (np.log(scale) / SCALE_SD) ** 2))
-    weights = np.exp([likelihood - max(fit[0] for fit in fits) for likelihood, _, _ in fits])
-    weights /= weights.sum()
-    error = np.sum([w * mean for w, (_, mean, _) in zip(weights, fits)], axis=0)
-    P = np.sum(
-        [w * (C + np.outer(m - error, m - error)) for w, (_, m, C) in zip(weights, fits)], axis=0
+    known = np.zeros(pose_sd.shape, bool) if measured is None else measured
+    scaled = np.concatenate([np.zeros(3 + MOUNTINGS, bool), ~known.ravel()])
+    usual = np.concatenate(
+        [np.full(3, HAND_TILT_SD), np.full(MOUNTINGS, mounting_sd), pose_sd.ravel()]
     )
+    scales, variances, logs = [*product(SCALES, POSE_SCALES)], [], []
+    for scale, pose_scale in scales:
+        sd = np.where(scaled, pose_scale * usual, usual)
+        sd[3 : 3 + MOUNTINGS] *= scale
+        prior = (np.log(scale) / SCALE_SD) ** 2 + (np.log(pose_scale) / POSE_SCALE_SD) ** 2
+        variances.append(sd**2)
+        logs.append(_log_likelihood(seen, sd**2, gravity_sd) - 0.5 * prior)
+    weights = np.exp(np.array(logs) - max(logs))
+    fits = {
+        k: _condition(seen, variances[k], gravity_sd)
+        for k, (_, pose_scale) in enumerate(scales)
+        if weights[k] > UNLIKELY or pose_scale == 1.0
+    }
+    of_option = {k: weights[k] for k in fits if scales[k][1] == 1.0}
+    error = _mean({k: fits[k][0] for k in of_option}, of_option)
+    squares = {k: C + np.outer(m - error, m - error) for k, (m, C) in fits.items()}
+    P = _mean(squares, {k: weights[k] for k in fits})
     up = quat.rotate(quat.exp(error[:3]), seen.up)
     return _posed(calibration, on_hand, up, error[3 + MOUNTINGS :].reshape(-1, 3)), P[3:, 3:]
 
 
-def _condition(
-    seen: _Seen, variance: Array, gravity_sd: float, log_prior: float
-) -> tuple[float, Array, Array]:
-    """Logarithm of the marginal likelihood times the prior, mean and covariance of the errors."""
+def _mean(values: Mapping[int, Array], weights: Mapping[int, float]) -> Array:
+    whole = sum(weights.values())
+    return np.asarray(np.sum([weights[k] / whole * v for k, v in values.items()], axis=0))
+
+
+def _log_likelihood(seen: _Seen, variance: Array, gravity_sd: float) -> float:
+    """Of what the sensors see, the errors averaged over."""
+    S = (seen.H * variance) @ seen.H.T + gravity_sd**2 * np.eye(len(seen.H))
+    root = np.linalg.cholesky(S)
+    white = np.linalg.solve(root, seen.residual)
+    return float(-np.log(np.diag(root)).sum() - 0.5 * white @ white)
+
+
+def _condition(seen: _Seen, variance: Array, gravity_sd: float) -> tuple[Array, Array]:
+    """Mean and covariance of the errors."""
     HP = seen.H * variance
     S = HP @ seen.H.T + gravity_sd**2 * np.eye(len(HP))
     gain = np.linalg.solve(S, HP).T
-    likelihood = -0.5 * (
-        np.linalg.slogdet(S)[1] + seen.residual @ np.linalg.solve(S, seen.residual)
-    )
-    return likelihood + log_prior, gain @ seen.residual, np.diag(variance) - gain @ HP
+    return gain @ seen.residual, np.diag(variance) - gain @ HP
 
 
 def _on_hand(calibration: Calibration) -> Array:

@@ -160,7 +160,11 @@ def _sensor_to_segment_prior(
     covariance[np.ix_(places, places)] = calibration.mounting_covariance()
     if params.pose_inference and pose_inference.can_infer(calibration):
         calibration, covariance = pose_inference.infer(
-            calibration, math.radians(params.misalignment), pose_sd, math.radians(params.angle_sd)
+            calibration,
+            math.radians(params.misalignment),
+            pose_sd,
+            math.radians(params.angle_sd),
+            ~np.isnan(_measured_pose_sd(calibration)),
         )
     mountings = (3 * SENSORS[..., None] + np.arange(3)).reshape(len(SENSORS), 12)
     joints = (3 * JOINTS_OF.astype(int)[..., None] + np.arange(3)).reshape(len(SENSORS), 9)
@@ -175,8 +179,13 @@ def _sensor_to_segment_prior(
 
 def _pose_sd(params: Params, calibration: Calibration) -> Array:
     """Standard deviations (joints, 3) of the pose's angles, rad: as they were measured, else as a person takes the pose."""
-    sd = np.array([calibration.pose_sd.get(j.name, (np.nan,) * 3) for j in JOINTS])
+    sd = _measured_pose_sd(calibration)
     return np.asarray(np.where(np.isnan(sd), np.radians(params.pose_sd), sd) * IS_DOF)
+
+
+def _measured_pose_sd(calibration: Calibration) -> Array:
+    """Standard deviations (joints, 3) of angles that were measured in the pose, rad; NaN elsewhere."""
+    return np.array([calibration.pose_sd.get(j.name, (np.nan,) * 3) for j in JOINTS])
 
 
 def _misalignment_sd(params: Params, calibration: Calibration) -> float:

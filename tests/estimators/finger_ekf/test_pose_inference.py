@@ -75,13 +75,35 @@ def test_flexion_is_closer_to_the_truth_and_its_standard_deviation_is_honest(
     assert 0.85 < np.mean(normalised) < 1.15
 
 
+@pytest.mark.parametrize(("missed", "fixed", "learnt"), [(2.5, 1.0, 1.4), (5.0, 4.0, 2.5)])
+def test_a_pose_that_is_missed_by_more_than_the_option_widens_the_standard_deviations(
+    missed: float, fixed: float, learnt: float, rng: np.random.Generator
+) -> None:
+    """The option is 2 deg; `measured` says that its size is known."""
+    pose_sd, normalised = 2.0 * DEG * IS_DOF, ([], [])
+    for _ in range(30):
+        calibration, truth, _ = taken(rng, pose_sd=missed * DEG * IS_DOF)
+        for is_known, found in zip((True, False), normalised):
+            inferred, P = pose_inference.infer(
+                calibration, MOUNTING_SD, pose_sd, GRAVITY_SD, np.full(pose_sd.shape, is_known)
+            )
+            sd = np.sqrt(np.diag(P)[pose_inference.MOUNTINGS :]).reshape(-1, 3)
+            off = angles_of(inferred) - truth
+            found.append(np.mean((off[IS_DOF] / sd[IS_DOF]) ** 2))
+    assert np.mean(normalised[0]) > fixed
+    assert np.mean(normalised[1]) < learnt
+
+
 def test_of_sensors_that_sit_as_declared_the_missed_pose_is_found(
     rng: np.random.Generator,
 ) -> None:
-    calibration, truth, _ = taken(rng, 0.0)
-    inferred, _ = pose_inference.infer(calibration, MOUNTING_SD, POSE_SD, 0.01 * DEG)
-    off = (angles_of(inferred) - truth)[FLEXIONS, FLEXION]
-    assert np.abs(off).max() < 0.5 * np.abs(truth[FLEXIONS, FLEXION]).max()
+    before, after = [], []
+    for _ in range(20):
+        calibration, truth, _ = taken(rng, 0.0)
+        inferred, _ = pose_inference.infer(calibration, MOUNTING_SD, POSE_SD, 0.01 * DEG)
+        before.append(truth[FLEXIONS, FLEXION])
+        after.append((angles_of(inferred) - truth)[FLEXIONS, FLEXION])
+    assert np.sqrt(np.mean(np.square(after))) < 0.5 * np.sqrt(np.mean(np.square(before)))
 
 
 def test_a_pose_that_was_measured_is_left_as_it_is(rng: np.random.Generator) -> None:
