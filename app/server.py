@@ -12,7 +12,6 @@ from typing import Any
 import anyio.to_thread
 from fastapi import FastAPI
 from starlette.middleware import Middleware
-from starlette.staticfiles import StaticFiles
 from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 
 from handscope.app import language, metrics, protocols
@@ -41,7 +40,6 @@ from handscope.app.api.wards import emergency_routes, ward_routes
 from handscope.app.auth.gate import Gate
 from handscope.app.auth.incoming_text import PlainAddresses
 from handscope.app.auth.request_limits import RequestLimits
-from handscope.app.auth.roles import EVERY_ACCOUNT, RoleRequirement
 from handscope.app.auth.security_headers import SecurityHeaders
 from handscope.app.job_queue import Jobs
 from handscope.app.live.relays import Relays, relay_account
@@ -59,12 +57,6 @@ from handscope.sessions.store import crash_repair, records
 from handscope.sessions.store.store import Store, open_store
 
 log = logging.getLogger(__name__)
-
-
-class Files(StaticFiles):
-    """The pages' files; those of the login page are open to anybody (auth/gate.py)."""
-
-    requires_role = RoleRequirement(frozenset(EVERY_ACCOUNT))
 
 
 def create_app(settings: Settings) -> FastAPI:
@@ -154,7 +146,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.include_router(languages.router)
     app.include_router(screen_routes.router)
     app.include_router(pages.router)
-    app.mount("/static", Files(directory=pages.STATIC), name="static")
+    app.mount("/static", pages.Files(directory=pages.STATIC), name="static")
     return app
 
 

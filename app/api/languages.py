@@ -3,10 +3,11 @@
 import json
 from functools import cache
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Request
 from starlette.responses import Response
 
 from handscope.app import language
+from handscope.app.api.pages import text_answer
 from handscope.app.auth.roles import ANYBODY, requires_role
 from handscope.app.language import Language
 
@@ -14,18 +15,25 @@ router = APIRouter(include_in_schema=False, dependencies=[requires_role(ANYBODY)
 
 
 @router.get("/languages/names.js")
-def names() -> Response:
+def names(request: Request) -> Response:
     """Which languages there are: {code: name}."""
-    return Response(
-        _module({one.code: one.name for one in language.languages().values()}),
-        media_type="text/javascript",
-    )
+    return text_answer(names_module(), ".js", request.headers)
 
 
 @router.get("/languages/{code}.js")
-def words(code: str) -> Response:
+def words(code: str, request: Request) -> Response:
     """Every text of the pages by its key, and the language's form of numbers and dates as `locale`."""
-    return Response(_words(language.language(code)), media_type="text/javascript")
+    return text_answer(words_module(code), ".js", request.headers)
+
+
+def names_module() -> bytes:
+    """The module of the languages' names."""
+    return _module({one.code: one.name for one in language.languages().values()})
+
+
+def words_module(code: str) -> bytes:
+    """The module of a language's words."""
+    return _words(language.language(code))
 
 
 @cache

@@ -79,10 +79,9 @@ def page(browser: Browser) -> Iterator[Page]:
 def serve(route: Route) -> None:
     path = route.request.url.removeprefix(SITE)
     if path.startswith("/languages/"):
-        answer = (
-            languages.names() if path.endswith("/names.js") else languages.words(Path(path).stem)
-        )
-        route.fulfill(body=bytes(answer.body), content_type=KINDS[".js"])
+        is_names = path.endswith("/names.js")
+        text = languages.names_module() if is_names else languages.words_module(Path(path).stem)
+        route.fulfill(body=text, content_type=KINDS[".js"])
     elif path.startswith("/static/"):
         file = ROOT / path.removeprefix("/static/")
         route.fulfill(body=file.read_bytes(), content_type=KINDS[file.suffix])
