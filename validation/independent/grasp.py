@@ -58,8 +58,8 @@ BOTH: Mapping[str, Condition] = {
     "100 Hz, as they come": Condition(cuffs=Cuffs(rate=100.0)),
     "12 Hz, calibrated": Condition(cuffs=CALIBRATED),
     "100 Hz, calibrated": _cuffs(rate=100.0),
-    "cuffs 5 deg askew, as they come": Condition(cuffs=Cuffs(misaligned=5.0)),
-    "cuffs 5 deg askew, calibrated": _cuffs(misaligned=5.0),
+    "cuffs 5 deg misaligned, as they come": Condition(cuffs=Cuffs(misaligned=5.0)),
+    "cuffs 5 deg misaligned, calibrated": _cuffs(misaligned=5.0),
     "gains off by 5 %, cross-axis 5 %, as they come": Condition(
         cuffs=Cuffs(scale=0.05, cross=0.05)
     ),
@@ -287,7 +287,7 @@ def _setting(wanted: Wanted) -> tuple[str, ...]:
     return (
         f"{wanted.seeds} trials a row: `handscope reproduce independent-grasp --seeds {wanted.seeds}`. A simulator of a pinch that shares no code with the program (`validation/independent/simulator`: hands, movement, forces, sensors and the files' text written with numpy and scipy alone), "
         "left and right hands in turn. Masses of 0.1 to 1 kg, springs of 0.2 to 3 N/mm, dampers of 0 to 30 N s/m drawn for every trial; the recordings are Motion-BIDS folders, the figures those of `handscope assess --method m2`.",
-        "Lengths of the hand measured to 2 %, joints on the palm to 1 mm, every freedom of the initial pose missed by up to 2.5 deg, inertial sensors 6 deg askew with noise and biases of MEMS. "
+        "Lengths of the hand measured to 2 %, joints on the palm to 1 mm, every freedom of the initial pose missed by up to 2.5 deg, inertial sensors 6 deg misaligned with noise and biases of MEMS. "
         "Force sensors as they come: gains 2 %, cross-axis 1 %, 1 deg an axis on the cuff, a zero of 0.2 N that walks by 0.02 N/sqrt(s), noise 0.05 N. Calibrated: thirteen rows of two weights on a bench, "
         "directions by the cuff's accelerometer, through `handscope calibrate-force`; the recording then has raw counts. What is wrong in the other rows is wrong with calibrated sensors at 12 Hz, and nobody tells the program of it.",
         "Of a spring that bends the true stiffness is the slope of the straight line through force and closing. Surely wrong: told without a word, off by more than 10 % and by more than 2.5 of the standard deviations that it is told with.",

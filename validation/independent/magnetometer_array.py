@@ -151,7 +151,7 @@ CONDITIONS: Mapping[str, Condition] = {
     "two chips exchanged": Condition(spoilt=_exchanged),
     "a chip 50 ms late": Condition(spoilt=_late),
     "each chip 5 ms after the one before": Condition(spoilt=_in_turn),
-    "each chip soldered askew by 1 degree": Condition(chips=Chips(misaligned=np.radians(1.0))),
+    "each chip misaligned by 1 degree": Condition(chips=Chips(misaligned=np.radians(1.0))),
     "limit of 100 uT, 5 to 15 cm away": Condition(chips=Chips(limit=100e-6), low=0.05, high=0.15),
     "the board turned by hand": Condition(carried=True),
     "the magnet put to a new place every 0.5 s": Condition(steps=True),

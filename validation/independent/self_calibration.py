@@ -279,7 +279,7 @@ def _any(what: str, found: Sequence[Found]) -> bool:
 def _setting() -> tuple[str, ...]:
     return (
         "Simulated by validation/independent/simulator/free_movement.py, which shares no line with estimators/: closed formulas for the movement, rates and accelerations by differences. Every person has"
-        f" lengths, places and movement of his own, the same in every row; index finger and hand for {DURATION:g} s at 100 Hz where the row does not say else. Sensors sit askew by 5 deg about each axis,"
+        f" lengths, places and movement of his own, the same in every row; index finger and hand for {DURATION:g} s at 100 Hz where the row does not say else. Sensors sit misaligned by 5 deg about each axis,"
         " skin turns them by 2 deg and slides them by 1 mm in 90 deg of their joint, the hand's sensor with the fingers; biases 0.8 deg/s and 0.12 m/s^2, noise 0.007 deg/s and 150 ug a square"
         " root of a Hz, scales and axes off by 0.3 %. The palm's length and where fingers hang on it are told exactly, no finger's length is.",
         "`Seats told` are the sensors' that movement tells wholly; those of the hand, the forearm and the last phalanges lean on the nominal mounting. Skin that follows the bending's square:"

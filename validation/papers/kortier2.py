@@ -230,7 +230,7 @@ def _columns(
 def _setting() -> tuple[str, ...]:
     return (
         f"Beside ours: {PAPER}.",
-        f"Sensors as the thesis' (LSM330DLC, {RATE:g} Hz), 5 to 10 deg askew, on hand and fingers; one initial pose of which every freedom is missed by up to "
+        f"Sensors as the thesis' (LSM330DLC, {RATE:g} Hz), 5 to 10 deg misaligned, on hand and fingers; one initial pose of which every freedom is missed by up to "
         f"{POSE_ERROR:g} deg; people, hands and errors as in the other simulated experiments. As in the thesis each segment is then calibrated by gravity and flexion "
         f"(2.34), by the six steps of the functional calibration done not quite carefully; the columns `{POSE_ALONE[2:]}` go without.",
         "The thesis measured the place of the MCP joint and of the tip's marker with the optical system; ours takes both from total lengths and mean ratios.",

@@ -341,5 +341,5 @@ def _setting() -> tuple[str, ...]:
         "Beside ours: 15 trials with a printed finger, Kortier's thesis, ch. 4. Distances there are uncertain by what a ruler tells. Its gyroscopes' biases: -2.1 ± 22.4 %, 22.5 % RMS. Its distance from the hand's"
         ' to the last sensor has no figure of error ("within millimeter level").',
         "Simulated: estimators/simulation/artificial_finger.py; hinges 30 mm apart, sensors at 75, 18, 19 and 24 mm, 40 s at 100 Hz. White noise: that of an MPU-9250 and constant"
-        " biases of 0.5 deg/s and 0.05 m/s^2; skin motion: with it 2 deg and up to 1 mm for 90 deg of flexion, sensors 5 to 10 deg askew; all errors: as in the other experiments.",
+        " biases of 0.5 deg/s and 0.05 m/s^2; skin motion: with it 2 deg and up to 1 mm for 90 deg of flexion, sensors 5 to 10 deg misaligned; all errors: as in the other experiments.",
     )

@@ -32,7 +32,7 @@ ALIGNED = SensorErrors(
     misalignment=0.0,
     misalignment_width=0.0,
 )
-MOUNTINGS = {"aligned": ALIGNED, "askew": RIGID}
+MOUNTINGS = {"aligned": ALIGNED, "misaligned": RIGID}
 METHODS = ("b", "m1", "m2")
 JOINTS = FINGER_JOINTS["index"]
 STILL = np.radians(0.1)  # rad/s: a joint that turns less stays where it is
@@ -61,7 +61,9 @@ def measure(trial: Trial) -> Moved:
         for method in METHODS:
             estimate, truth = estimated(recording, method)
             largest[mounting, method] = [DEG * x for x in held_deviation(estimate, truth)]
-            curves = estimate if (mounting, method, trial.seed) == ("askew", "m2", 0) else curves
+            curves = (
+                estimate if (mounting, method, trial.seed) == ("misaligned", "m2", 0) else curves
+            )
     if curves is None:
         return Moved(largest)
     return Moved(largest, curves.t[::THIN] - curves.t[0], DEG * _flexions(curves)[::THIN])
@@ -124,7 +126,7 @@ def _flexions(trajectory: Trajectory) -> Array:
 def _setting() -> tuple[str, ...]:
     return (
         "DIP, then PIP, then MCP to 90 deg, and back in reverse order. The finger is rigid and straight in the initial pose: no soft tissue, no missed "
-        "pose; full scales as in the paper (4 g, 1000 deg/s). `aligned`: sensors along the anatomical axes, as the paper's were; `askew`: 5 to 10 deg off. "
-        "The figure shows m2 with askew sensors, seed 0. Else as follows, but for soft tissue and pose.",
+        "pose; full scales as in the paper (4 g, 1000 deg/s). `aligned`: sensors along the anatomical axes, as the paper's were; `misaligned`: 5 to 10 deg off. "
+        "The figure shows m2 with misaligned sensors, seed 0. Else as follows, but for soft tissue and pose.",
         *simulated_setting(False),
     )

@@ -1,6 +1,6 @@
 """Force sensors in cuffs on thumb and index finger: what they tell of a pinch, with all that can be wrong with them, and what they read on a bench under weights.
 
-Frames  each sensor's own; its cuff holds it and the inertial sensor, askew against each other
+Frames  each sensor's own; its cuff holds it and the inertial sensor, misaligned to each other
 Units   N; raw readings in counts
 """
 

@@ -228,7 +228,7 @@ def _inertial(
     rows: Rows,
     rng: np.random.Generator,
 ) -> tuple[Values, list[Rotation]]:
-    """Readings (m, sensors, 6) and how each sensor was turned to the ground (n,): askew on its segment, gyroscopes tell means between samples."""
+    """Readings (m, sensors, 6) and how each sensor was turned to the ground (n,): misaligned on its segment, gyroscopes tell means between samples."""
     step, read, turned = int(RATE / INERTIAL), [], []
     lengths = [PALM, *(hand.lengths[s] for s in SEGMENTS[1:])]
     for rotation, place, length in zip(rotations, places, lengths):
