@@ -177,3 +177,30 @@ def test_figures_that_cannot_be_trusted_say_why_and_what_to_do(
     expect(page.locator(".results h2").first).to_have_text("Can I trust these numbers?")
     expect(trusted).to_contain_text(trust)
     expect(trusted).not_to_contain_text("Yes.")
+
+
+def _exchanged(channels: str) -> str:
+    """Two sensors of the index under each other's names."""
+    return (
+        channels.replace("index_middle", "index_between")
+        .replace("index_distal", "index_middle")
+        .replace("index_between", "index_distal")
+    )
+
+
+def test_exchanged_sensors_are_named_with_what_to_do_and_lower_their_figures(
+    page: Page, patient: int, tmp_path: Path
+) -> None:
+    path = simulate(tmp_path / "tapping.zip", "tapping")
+    upload(page, path.name, _changed(path.read_bytes(), "imu_channels.tsv", _exchanged))
+    page.wait_for_url("**/sessions/*")
+    trusted = page.locator(".card").filter(
+        has=page.get_by_role("heading", name="Can I trust these numbers?")
+    )
+    shown(trusted)
+    keep_screen(page, "trust-exchanged")
+    expect(trusted.locator(".trust")).not_to_contain_text("Yes.")
+    expect(trusted).to_contain_text("doubtful sensor")
+    expect(trusted).to_contain_text("index distal")
+    expect(trusted).to_contain_text("exchanged")
+    expect(trusted).to_contain_text("record again")

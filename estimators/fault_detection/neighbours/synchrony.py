@@ -3,7 +3,8 @@
 In      pairs of sensors (sensor_pairs.py)
 Out     who is late, by how much, from when to when
 Source  ours: sensors of one finger, and fingers that open and close the hand, turn at rates that are proportional to each other; test of a lag against none: paired_test.py
-Limits  at least two others have to move together and to show the same lag; what moves in turn, or each by itself, tells nothing. Lags below `LEAST` may be a person's own
+Limits  while the hand rests, at least two other strips (four others, of a single sensor) have to move together and all to show the same lag; what moves in
+        turn, or each by itself, tells nothing. Lags below `LEAST` may be a person's own
 """
 
 from collections.abc import Iterator, Sequence
@@ -36,7 +37,11 @@ EXPLAINED = 0.2  # share of a rate's variance that others may leave at the lag
 SOME = 0.3  # the same before windows are weighed: from here on it is looked at
 SURE = 0.01  # probability from which on one other is counted as showing the lag, or as showing none
 PARTS = 8  # of the recording, at whose edges a lag may begin or end
-FEWEST = 2  # others
+FEWEST = 2  # others that show a strip's lag
+FEWEST_OF_ONE = (
+    4  # others that show a single sensor's: two joints of one finger may follow each other
+)
+RESTING = 0.1  # of a sensor's rate, root mean square in a window, up to which the hand's is rest: what it turns shifts the phase of a rhythm
 _Asked = tuple[
     tuple[str, ...], list[tuple[str, ...]]
 ]  # a group, and the others of which each may tell its lag
@@ -92,6 +97,8 @@ def find(pairs: Pairs, accused: Sequence[str] = ()) -> list[Delay]:
 
     Fingers of sensors that are accused already are not asked.
     """
+    if "hand" not in pairs.series.sensors:
+        return []
     signals = _signals(pairs)
     if len(signals.t) < paired_test.FEWEST or not signals.now:
         return []
@@ -101,9 +108,8 @@ def find(pairs: Pairs, accused: Sequence[str] = ()) -> list[Delay]:
         if not set(chain) & set(accused)
     }
     alone: list[_Asked] = [
-        ((s,), [(o,) for o in chain if o != s])
+        ((s,), [(o,) for o in chain if o != s] + [c for c in free.values() if c and c is not chain])
         for chain in free.values()
-        if len(chain) > FEWEST
         for s in chain
     ]
     spans = _spans(signals.t)
@@ -118,6 +124,7 @@ def _signals(pairs: Pairs) -> _Signals:
     s = pairs.series
     m, by = round(joint_windows.LENGTH * joint_windows.RATE), joint_windows.AVERAGED
     names = [n for chain in CHAINS.values() for n in chain if n in s.sensors]
+    hand = s.gyr[:, s.sensors.index("hand")]
     steps = round(FURTHEST / STEP)
     lags = STEP * np.arange(-steps, steps + 1, dtype=float)
     shift = np.round(lags * joint_windows.RATE).astype(int)
@@ -126,6 +133,7 @@ def _signals(pairs: Pairs) -> _Signals:
     ]
     rows = first[:, None] * m + np.arange(0, m, by)
     now, later, use, flexing = {}, {}, {}, set()
+    of_hand = np.sqrt((hand[rows] ** 2).sum(axis=2).mean(axis=1))
     for name in names:
         k = s.sensors.index(name)
         gyr = s.gyr[:, k]
@@ -138,7 +146,8 @@ def _signals(pairs: Pairs) -> _Signals:
         rate = np.convolve(gyr @ axis, np.full(by, 1.0 / by), "full")[by - 1 :]
         now[name], later[name] = rate[rows], rate[rows + shift[:, None, None]]
         there = s.whole[rows, k].mean(axis=1) > 1 - joint_windows.MOST_MISSING
-        use[name] = there.astype(float)
+        own = np.sqrt((gyr[rows] ** 2).sum(axis=2).mean(axis=1))
+        use[name] = (there & (of_hand < RESTING * own)).astype(float)
     return _Signals(lags, now, later, s.t[first * m], use, frozenset(flexing))
 
 
@@ -195,7 +204,11 @@ def _shows_a_lag(
     of_others = left[own][:, [signals.names.index(o[-1]) for o in others]]
     lag = np.abs(signals.lags[of_others.argmin(axis=0)])
     telling = (of_others.min(axis=0) < SOME) & (lag >= LEAST - SPREAD)
-    return bool(np.count_nonzero(telling) >= FEWEST)
+    return bool(np.count_nonzero(telling) >= _fewest(group))
+
+
+def _fewest(group: tuple[str, ...]) -> int:
+    return FEWEST_OF_ONE if len(group) == 1 else FEWEST
 
 
 def _judged(
@@ -204,24 +217,26 @@ def _judged(
     others: list[tuple[str, ...]],
     span: tuple[float, float],
 ) -> Delay | None:
-    """The lag of a group within a span that at least `FEWEST` others show and none contradicts."""
+    """The lag of a group within a span that enough others show and none contradicts."""
     inside = ((signals.t >= span[0]) & (signals.t < span[1])).astype(float)
     shown = [s for o in others if (s := _shown(signals, group, o, inside)) is not None]
     telling = [s for s in shown if _least(s).sum() < EXPLAINED * s.variance]
     lags = np.array([s.lag for s in telling])
     if (
-        len(lags) < FEWEST
+        len(lags) < _fewest(group)
         or np.any(np.sign(lags) != np.sign(lags[0]))
         or abs(lags).min() < LEAST - SPREAD
     ):
         return None
     late = _shared_lag(lags)
     near = [s for s in telling if abs(s.lag - late) <= SPREAD + 1e-9]
-    if abs(late) < LEAST - 1e-9 or len(near) < FEWEST or abs(late) > FURTHEST - STEP:
+    if len(near) < _fewest(group) or abs(lags - late).max() > 2 * SPREAD + 1e-9:
+        return None
+    if not LEAST - 1e-9 <= abs(late) <= FURTHEST - STEP:
         return None
     k = int(np.argmin(abs(signals.lags - late)))
     gains = [_gain(signals.lags, s, k) for s in near]
-    if sum(paired_test.p_value(g, MARGIN, w) < SURE for g, w in gains) < FEWEST:
+    if sum(paired_test.p_value(g, MARGIN, w) < SURE for g, w in gains) < _fewest(group):
         return None
     gain, weight = np.mean([g for g, _ in gains], axis=0), np.max([w for _, w in gains], axis=0)
     p = paired_test.p_value(gain, MARGIN, weight)

@@ -8,6 +8,7 @@ import pytest
 
 from handscope.estimators.data.samples import Block
 from handscope.estimators.fault_detection.neighbours import check_neighbours as neighbours
+from handscope.estimators.fault_detection.neighbours import synchrony
 from handscope.estimators.hand.anatomy import CHAINS
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.simulation.movements import task_performance as tasks
@@ -82,3 +83,19 @@ def _later(block: Block, sensors: Sequence[str], by: float) -> Block:
             [np.interp(block.t - by, block.t, c) for c in values[:, k].T], axis=1
         )
     return Block(block.stream, block.t, values)
+
+
+def test_fingers_that_follow_a_turning_hand_by_a_phase_are_not_late() -> None:
+    """Where the hand turns, too, segments of a finger that bends by another phase of the rhythm are out of phase with each other."""
+    t, phase = np.arange(2400) / 100.0, 2 * np.pi * 0.4 * np.arange(2400) / 100.0
+    blocks = []
+    for block in done("rest").blocks():
+        names, values = block.stream.sensors, np.zeros((len(t), len(block.stream.sensors), 6))
+        values[..., 3] = 9.81
+        for k, name in enumerate(names):
+            bends = name.endswith(("middle", "distal"))
+            values[:, k, 2] = np.sin(phase) + 0.7 * bends * np.cos(phase)
+        blocks.append(Block(block.stream, t, values[:, :, : block.values.shape[2]]))
+    pairs = neighbours.prepare_pairs(blocks, GEOMETRY, {}, [])
+    assert pairs is not None
+    assert synchrony.find(pairs) == []
