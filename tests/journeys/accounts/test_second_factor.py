@@ -22,7 +22,7 @@ VIRTUAL = {
 }
 
 
-@pytest.fixture(params=["en-GB", "de-DE"])
+@pytest.fixture(params=["en-GB", pytest.param("de-DE", marks=pytest.mark.slow)])
 def person(
     request: pytest.FixtureRequest, browser: Browser, server: Server
 ) -> Iterator[Callable[[], Page]]:
