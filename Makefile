@@ -9,7 +9,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Modules are compiled once, not again by every process that starts
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: sbom pin-images docs firmware run test test-fast test-all check audit tests browser types format lock bench faults fuzz soak clean
+.PHONY: sbom pin-images docs firmware run test test-fast test-all check audit tests browser types format lock bench dist faults fuzz soak clean
 
 run: $(VENV)/runs
 	$(BIN)/handscope demo --port $(PORT) $(DEMO)
@@ -57,6 +57,10 @@ format: $(VENV)/develops
 # The documentation site, strict, in build/site: a link that leads nowhere is an error
 docs: $(VENV)/runs $(VENV)/develops .types/handscope
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+# Wheel and source archive in dist/: the wheel is made from the archive, so that both hold all that is needed
+dist: $(VENV)/installed
+	$(BIN)/uv build --quiet --no-build-isolation --python $(BIN)/python -o dist .
 
 # Known weaknesses of the locked versions, each that could not be checked by name (exit code 3); offline: make audit ADVISORIES=all.zip (docs/security.md)
 audit: $(VENV)/develops
@@ -150,4 +154,4 @@ soak: $(VENV)/runs $(VENV)/develops
 	HANDSCOPE_SOAK=7200 $(BIN)/pytest tests/faults/test_soak.py -s
 
 clean:
-	rm -rf $(VENV) .types *.egg-info
+	rm -rf $(VENV) .types dist *.egg-info
