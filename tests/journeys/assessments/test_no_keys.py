@@ -1,10 +1,12 @@
-"""Nobody reads our keys: every page and report of a patient with ranges, taps, treatment and a goal, in every language, holds words alone."""
+"""Nobody reads our keys: every page, replay and report of a patient with ranges, taps, treatment and a goal, in every language, holds words alone."""
 
 import re
+from io import BytesIO
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page
+from pypdf import PdfReader
 
 from handscope.app.language import languages
 from tests.journeys.house import Server, api, new_patient, shown, simulate
@@ -41,8 +43,11 @@ def test_no_page_and_no_report_shows_a_key(
     rate = {"measure": "tapping", "task": "tapping", "name": "tapping_rate", "unit": "per s"}
     goal = {**rate, "hand": "left", "low": 3, "high": 4}
     api(page, f"/api/patients/{patient}/goals", "PUT", data=goal)
+    page.get_by_role("button", name="Replay in 3-D").click()
+    page.wait_for_url(re.compile(r"/stations/\w+$"))
+    replay = page.url.removeprefix(server.base)
     shows = {}
-    places = ["/", f"/patients/{patient}", *(f"/sessions/{s}" for s in sessions)]
+    places = ["/", f"/patients/{patient}", *(f"/sessions/{s}" for s in sessions), replay]
     for language in languages():
         page.evaluate("(one) => localStorage.setItem('handscope-language', one)", language)
         for place in (*places, "/protocols", "/devices", "/help", "/account", "/audit"):
@@ -54,4 +59,10 @@ def test_no_page_and_no_report_shows_a_key(
             result = api(page, f"/api/sessions/{session}")["recordings"][0]["results"][0]["id"]
             answer = page.request.get(f"/api/results/{result}/report.html?language={language}")
             shows[language, f"report {session}"] = KEY.findall(MARKUP.sub(" ", answer.text()))
+        progress = page.request.get(
+            f"/api/patients/{patient}/progress.pdf?hand=left&language={language}"
+        )
+        printed = "\n".join(p.extract_text() for p in PdfReader(BytesIO(progress.body())).pages)
+        assert printed.strip()
+        shows[language, "progress.pdf"] = KEY.findall(printed)
     assert {place: keys for place, keys in shows.items() if keys} == {}
