@@ -5,6 +5,7 @@ here on some seconds of simulated movement. The code is cached; two processes th
 same time can cache code that crashes.
 """
 
+from dataclasses import replace
 from importlib import import_module
 from pkgutil import walk_packages
 
@@ -45,9 +46,12 @@ def compile_all() -> None:
 
 
 def _simulate_pose() -> Simulated:
-    """The initial pose, for some seconds."""
+    """The initial pose, for some seconds; a sensor begins to send behind it."""
     rng = np.random.default_rng(0)
-    return simulate(["initial_pose"], "left", sized("left"), rng, SensorErrors())
+    made = simulate(["initial_pose"], "left", sized("left"), rng, SensorErrors())
+    block, values = made.samples["imu"], made.samples["imu"].values.copy()
+    values[block.t < block.t[-1] - 0.75, -1] = np.nan
+    return replace(made, samples={"imu": replace(block, values=values)})
 
 
 def _simulate_magnet() -> tuple[Setup, Readings]:

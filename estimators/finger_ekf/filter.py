@@ -16,12 +16,10 @@ import numpy as np
 from handscope.estimators.data.options import option
 from handscope.estimators.finger_ekf import (
     hand_bias,
-    magnetic_heading,
-    preintegration,
     sensor_to_segment,
 )
-from handscope.estimators.finger_ekf import measurements as finger_ekf_measurements
 from handscope.estimators.finger_ekf.chain_state import ChainState, Joints, Window
+from handscope.estimators.finger_ekf.kernel_params import KernelParams
 from handscope.estimators.finger_ekf.magnetic_heading import MagnetometerParams
 from handscope.estimators.finger_ekf.measurements import IS_FREE, LIMITS, UpdateParams
 from handscope.estimators.finger_ekf.sensor_to_segment import (
@@ -34,6 +32,7 @@ from handscope.estimators.finger_ekf.update_kernels import (
     extend_windows,
     find_window_end,
     joint_covariance,
+    propagate_chains,
     update_chains,
 )
 from handscope.estimators.numerics import quaternions as quat
@@ -206,7 +205,7 @@ def start(
 
 def step(params: FilterParams, state: State, samples: Samples) -> tuple[State, Estimate]:
     """Advance by any number of samples, 0 included; the result does not depend on how they are cut."""
-    kernel_params, update_rows, P, first = _pack_params(params), [], [], 0
+    kernel_params, update_rows, P, first = pack_params(params), [], [], 0
     q_joint, known = np.empty((len(samples), *state.q_pc.shape)), samples.known.astype(float)
     while first < len(samples):
         last, closes = find_window_end(
@@ -268,7 +267,7 @@ def _accumulate(state: State, samples: Samples, first: int, last: int) -> tuple[
 
 
 def _close_window(
-    kernel_params: Array, state: State, acc: Array, mag: Array
+    kernel_params: KernelParams, state: State, acc: Array, mag: Array
 ) -> tuple[State, Array, Array]:
     """Propagate to the window's end, update (2.15) and open a new window. Returns the joints (F, 3, 4) and the covariance (F, 9, 9) of their errors."""
     chains = ChainState(*_copies(state, ChainState))
@@ -317,7 +316,7 @@ def _span(state: State) -> float:
 
 
 def _start_joints(
-    params: FilterParams, kernel_params: Array, state: State, samples: Samples, row: int
+    params: FilterParams, kernel_params: KernelParams, state: State, samples: Samples, row: int
 ) -> State:
     """Start joints that are new in this row, with the covariance that a pose leaves; the open window is committed first."""
     if state.newest > state.t:
@@ -341,26 +340,11 @@ def _error_rows(fresh: Bools, first: bool) -> Indices:
     return np.flatnonzero(np.repeat(own, 3))
 
 
-def _commit_window(kernel_params: Array, state: State) -> State:
+def _commit_window(kernel_params: KernelParams, state: State) -> State:
     """Propagate state and covariance to the end of the open window."""
-    q_pc, P = preintegration.propagate(
-        kernel_params,
-        _span(state),
-        state.delta_q,
-        state.J_bias,
-        state.rotation_variance,
-        state.q_pc,
-        state.P,
-    )
-    field_difference = np.stack(
-        [
-            state.field_difference[:, 0]
-            * preintegration.field_correlation(kernel_params, state.delta_q),
-            state.field_difference[:, 1],
-        ],
-        axis=1,
-    )
-    return replace(_open_window(state), q_pc=q_pc, field_difference=field_difference, P=P)
+    chains = ChainState(*_copies(state, ChainState))
+    propagate_chains(kernel_params, _span(state), Window(*_copies(state, Window)), chains)
+    return replace(_open_window(state), **chains._asdict())
 
 
 def _open_window(state: State) -> State:
@@ -388,9 +372,31 @@ def _zero_window(chains: int) -> tuple[Array, Array, Array]:
 
 
 @cache
-def _pack_params(params: FilterParams) -> Array:
-    """Options as the kernels take them."""
-    of_gyr = np.radians(params.gyr_noise), params.gyr_scale, np.radians(params.bias_walk)
-    return np.concatenate(
-        [finger_ekf_measurements.pack_params(params), of_gyr, magnetic_heading.pack_params(params)]
+def pack_params(params: FilterParams) -> KernelParams:
+    """Options as the kernels take them; every number is a float, for which they are translated."""
+    numbers = {
+        "inclination": np.radians(params.inclination),
+        "inclination_time": params.inclination_time,
+        "acc_noise": params.acc_noise,
+        "acc_error": params.acc_error,
+        "acc_gate": params.acc_gate,
+        "rate_gate": params.rate_gate,
+        "lever": params.lever,
+        "dimension_noise": np.radians(params.dimension_noise),
+        "correlation": params.correlation,
+        "rest_rate": np.radians(params.rest_rate),
+        "creeping": np.radians(params.creeping),
+        "inclination_by_rate": params.inclination_by_rate,
+        "acc_bias": params.acc_bias,
+        "gyr_noise": np.radians(params.gyr_noise),
+        "gyr_scale": params.gyr_scale,
+        "bias_walk": np.radians(params.bias_walk),
+        "mag_noise": params.mag_noise,
+        "mag_error": params.mag_error if params.magnetometers else 0.0,
+        "mag_gate": params.mag_gate,
+    }
+    return KernelParams(
+        fused=params.vertical == "fused",
+        dimensions=params.dimensions,
+        **{name: float(number) for name, number in numbers.items()},
     )

@@ -8,12 +8,7 @@ Limits  mountings count as straight here; scale errors of accelerometers count a
 
 import numpy as np
 
-from handscope.estimators.finger_ekf.measurements import (
-    ACC_BIAS,
-    INCLINATION,
-    INCLINATION_TIME,
-    TURNING,
-)
+from handscope.estimators.finger_ekf.kernel_params import KernelParams
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.jit import inlined
@@ -23,7 +18,7 @@ from handscope.estimators.numerics.typing import Array
 
 @inlined
 def track_motion_row(
-    p: Array,
+    p: KernelParams,
     span: float,
     acc: Array,
     vector_valid: Array,
@@ -33,7 +28,7 @@ def track_motion_row(
     current_vertical: Array,
 ) -> None:
     """Low-pass squared rates (4,) and verticals (4, 3) over the correlation time; `initial_vertical` (4, 3) is the first, 0 before it."""
-    weight = span / max(span, p[INCLINATION_TIME])
+    weight = span / max(span, p.inclination_time)
     for s in range(4):
         mean_square_rate[s] += weight * (rates[s] ** 2 - mean_square_rate[s])
         size = np.sqrt(acc[s, 0] ** 2 + acc[s, 1] ** 2 + acc[s, 2] ** 2)
@@ -50,15 +45,19 @@ def track_motion_row(
 
 
 @inlined
-def inclination_variance_row(p: Array, mean_square_rate: Array, variance: Array) -> None:
+def inclination_variance_row(p: KernelParams, mean_square_rate: Array, variance: Array) -> None:
     """Variance of each axis of the vertical in every sensor (4,), rad^2."""
     for s in range(4):
-        variance[s] = p[INCLINATION] ** 2 + p[TURNING] ** 2 * mean_square_rate[s]
+        variance[s] = p.inclination**2 + p.inclination_by_rate**2 * mean_square_rate[s]
 
 
 @inlined
 def add_accelerometer_biases_row(
-    p: Array, q_joint: Array, initial_vertical: Array, current_vertical: Array, P_joints: Array
+    p: KernelParams,
+    q_joint: Array,
+    initial_vertical: Array,
+    current_vertical: Array,
+    P_joints: Array,
 ) -> None:
     """Add to the joint covariance (9, 9) what accelerometer biases cause in sensors that lie differently from the start.
 
@@ -71,7 +70,7 @@ def add_accelerometer_biases_row(
         np.empty((9, 9)),
         np.empty(3),
     )
-    size = (p[ACC_BIAS] / GRAVITY) ** 2
+    size = (p.acc_bias / GRAVITY) ** 2
     for s in range(4):
         for a in range(3):
             u[a] = current_vertical[s, a] - initial_vertical[s, a]

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from handscope.estimators.finger_ekf.measurements import CORRELATION, DIMENSION_NOISE
+from handscope.estimators.finger_ekf.kernel_params import KernelParams
 from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.small_matrices import variance_of
 from handscope.estimators.numerics.typing import Array
@@ -22,9 +22,9 @@ UNLIKELY = 9.0  # squared sd beyond which a residual is downweighted
 
 
 @inlined
-def compliance_variance_row(p: Array, compliance_stats: Array, variance: Array) -> None:
+def compliance_variance_row(p: KernelParams, compliance_stats: Array, variance: Array) -> None:
     """Variance of the forbidden angles of each joint (3,), rad^2; `compliance_stats` (3, 2): weighted sum of estimates of R, and sum of weights."""
-    usual = p[DIMENSION_NOISE] ** 2
+    usual = p.dimension_noise**2
     for j in range(3):
         variance[j] = max(
             (ASSUMED * usual + compliance_stats[j, 0]) / (ASSUMED + compliance_stats[j, 1]), usual
@@ -33,11 +33,11 @@ def compliance_variance_row(p: Array, compliance_stats: Array, variance: Array) 
 
 @inlined
 def update_compliance_row(
-    p: Array, q_before: Array, q: Array, P: Array, free: Array, variance: Array, span: float,
+    p: KernelParams, q_before: Array, q: Array, P: Array, free: Array, variance: Array, span: float,
     innovation: Array, H: Array, noise: Array, compliance_stats: Array,
 ) -> None:  # fmt: skip
     """Update `compliance_stats` from rows 9..17 and enlarge the noise of unlikely residuals. Rotations between sensors (3, 4) before and after the window."""
-    lasts = max(1.0, p[CORRELATION] / span)
+    lasts = max(1.0, p.correlation / span)
     for j in range(3):
         cosine = abs(
             q[j, 0] * q_before[j, 0]

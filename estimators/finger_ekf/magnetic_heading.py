@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handscope.estimators.data.options import option
-from handscope.estimators.finger_ekf.preintegration import MAG_GATE, MAG_NOISE
+from handscope.estimators.finger_ekf.kernel_params import KernelParams
 from handscope.estimators.finger_ekf.sensor_to_segment import ERROR
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined
@@ -59,16 +59,9 @@ class MagnetometerParams:
     )
 
 
-def pack_params(params: MagnetometerParams) -> Array:
-    """Options as kernels take them; mag_error is 0 where magnetometers are not used."""
-    return np.array(
-        [params.mag_noise, params.mag_error if params.magnetometers else 0.0, params.mag_gate]
-    )
-
-
 @inlined
 def heading_row(
-    p: Array,
+    p: KernelParams,
     q_pc: Array,
     mag: Array,
     up: Array,
@@ -96,8 +89,8 @@ def heading_row(
     down_hand, down = _dot(u, at_hand), _dot(u, y)
     # (2.27)
     gates = (
-        abs(math.sqrt(_dot(at_hand, at_hand)) - math.sqrt(_dot(y, y))) < p[MAG_GATE]
-        and abs(down_hand - down) < p[MAG_GATE]
+        abs(math.sqrt(_dot(at_hand, at_hand)) - math.sqrt(_dot(y, y))) < p.mag_gate
+        and abs(down_hand - down) < p.mag_gate
     )
     for a in range(3):
         at_hand[a] -= down_hand * u[a]
@@ -116,7 +109,7 @@ def heading_row(
                 H[0, 3 * j + a] += (u[c] - down / (size * size) * b[c]) * R[j, c, a]
     known = variance_of(H[0], P) < KNOWN**2
     H[0, ERROR.field_difference] = -1.0 / size
-    noise[0, 0] = 2 * (p[MAG_NOISE] / size) ** 2
+    noise[0, 0] = 2 * (p.mag_noise / size) ** 2
     likely = gates and innovation[0] ** 2 < UNLIKELY**2 * (variance_of(H[0], P) + noise[0, 0])
     if known:
         field_difference[1] += ((0.0 if likely else 1.0) - field_difference[1]) / LOOKS

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from handscope.estimators.data.options import option
+from handscope.estimators.finger_ekf.kernel_params import KernelParams
 from handscope.estimators.finger_ekf.sensor_to_segment import SIZE
 from handscope.estimators.hand import anatomy as hand_anatomy
 from handscope.estimators.hand import joint_angles
@@ -147,39 +148,9 @@ class UpdateParams:
     )
 
 
-# indices of the options in kernel_params
-(FUSED, INCLINATION, INCLINATION_TIME, ACC_NOISE, ACC_ERROR, ACC_GATE, RATE_GATE, LEVER) = range(8)
-(DIMENSIONS, DIMENSION_NOISE, CORRELATION, REST_RATE, CREEPING, TURNING, ACC_BIAS) = range(8, 15)
-
-
-def pack_params(params: UpdateParams) -> Array:
-    """Options in SI units, in the order of the indices above."""
-    of_vectors = (
-        params.vertical == "fused",
-        np.radians(params.inclination),
-        params.inclination_time,
-        params.acc_noise,
-        params.acc_error,
-    )
-    of_gates = params.acc_gate, params.rate_gate, params.lever
-    of_joints = params.dimensions, np.radians(params.dimension_noise), params.correlation
-    of_rests = np.radians(params.rest_rate), np.radians(params.creeping)
-    return np.array(
-        [
-            *of_vectors,
-            *of_gates,
-            *of_joints,
-            *of_rests,
-            params.inclination_by_rate,
-            params.acc_bias,
-        ],
-        float,
-    )
-
-
 @inlined
 def vectors_row(
-    p: Array,
+    p: KernelParams,
     q_pc: Array,
     acc: Array,
     up: Array,
@@ -198,10 +169,10 @@ def vectors_row(
     Neighbouring joints share a sensor, so their innovations are negatively correlated.
     """
     used, variance, R_pc, v = np.zeros(3), np.empty(3), np.empty((3, 3, 3)), np.empty(3)
-    lasts = max(1.0, (p[INCLINATION_TIME] if p[FUSED] > 0 else p[CORRELATION]) / span)
+    lasts = max(1.0, (p.inclination_time if p.fused else p.correlation) / span)
     for j in range(3):
         quat.matrix_row(q_pc[j], v, R_pc[j])
-        if p[FUSED] > 0:
+        if p.fused:
             used[j], variance[j] = (
                 both_sensors_valid[j],
                 GRAVITY**2 * (inclination_variance[j] + inclination_variance[j + 1]),
@@ -213,15 +184,15 @@ def vectors_row(
             )
             if (
                 both_sensors_valid[j] > 0
-                and magnitude_difference < p[ACC_GATE]
-                and fastest < p[RATE_GATE]
+                and magnitude_difference < p.acc_gate
+                and fastest < p.rate_gate
             ):  # (2.27), (2.28)
                 used[j] = 1.0
             variance[j] = (
-                2 * p[ACC_NOISE] ** 2
-                + p[ACC_ERROR] ** 2
+                2 * p.acc_noise**2
+                + p.acc_error**2
                 + magnitude_difference**2
-                + (p[LEVER] * fastest**2) ** 2
+                + (p.lever * fastest**2) ** 2
             )
         for a in range(3):
             noise[3 * j + a, 3 * j + a] = lasts * variance[j]
@@ -237,7 +208,7 @@ def vectors_row(
     for j in range(2):
         both = (
             GRAVITY**2 * inclination_variance[j + 1]
-            if p[FUSED] > 0
+            if p.fused
             else 0.5 * math.sqrt(variance[j] * variance[j + 1])
         )
         # 0 for unused rows
@@ -284,7 +255,7 @@ def smoothed_vertical_row(
 
 @inlined
 def joint_constraints_row(
-    p: Array,
+    p: KernelParams,
     q: Array,
     A: Array,
     P: Array,
@@ -302,7 +273,7 @@ def joint_constraints_row(
     Jacobians are taken at the permitted angles, so that a hinge gains no spurious flexion information. The end of a range is one-sided: its noise includes the angle's own variance from P (43, 43).
     """
     angles, allowed, J = np.empty(3), np.empty(3), np.empty((3, 3))
-    lasts = max(1.0, p[CORRELATION] / span)
+    lasts = max(1.0, p.correlation / span)
     for j in range(3):
         joint_angles.decompose_row(q[j], angles, angles)
         for a in range(3):
@@ -312,9 +283,9 @@ def joint_constraints_row(
         for a in range(3):
             row, outside = 9 + 3 * j + a, allowed[a] - angles[a]
             variance = (
-                compliance_variance[j] if free[j, a] == 0 else p[DIMENSION_NOISE] ** 2
+                compliance_variance[j] if free[j, a] == 0 else p.dimension_noise**2
             ) + 0.5 * unsure * unsure
-            if known[j] > 0 and p[DIMENSIONS] > 0 and (free[j, a] == 0 or outside != 0):
+            if known[j] > 0 and p.dimensions and (free[j, a] == 0 or outside != 0):
                 innovation[row] = outside
                 for k in range(SIZE):
                     H[row, k] = (

@@ -11,18 +11,13 @@ import math
 import numpy as np
 
 from handscope.estimators.finger_ekf import sensor_to_segment
-from handscope.estimators.finger_ekf.measurements import ACC_BIAS
+from handscope.estimators.finger_ekf.kernel_params import KernelParams
 from handscope.estimators.finger_ekf.sensor_to_segment import ERROR
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined, rowwise
 from handscope.estimators.numerics.kernels import right_jacobian_row
 from handscope.estimators.numerics.small_matrices import block, product, put, spread
 from handscope.estimators.numerics.typing import Array
-
-# indices of the options in kernel_params, behind those of measurements.py
-(GYR_NOISE, GYR_SCALE, BIAS_WALK, MAG_NOISE, MAG_ERROR, MAG_GATE) = range(
-    ACC_BIAS + 1, ACC_BIAS + 7
-)
 
 
 @rowwise("(n,s,v),(n,s),(n,s),(s,v),(s,q),(s,v,v),(s),(s)->(n,s,q),(s,v,v),(s),(s)")
@@ -60,19 +55,16 @@ def preintegrate(
 preintegrate_row = preintegrate.row  # as other kernels call it
 
 
-@rowwise("(p),(s,q)->()")
-def field_correlation(p: Array, T: Array, left: Array) -> None:
+@inlined
+def field_correlation(p: KernelParams, T: Array) -> float:
     """Correlation of the field difference before and after the sensors turn by T (4, 4): it decays over one radian."""
     w = min(abs(T[0, 0]), abs(T[3, 0]), 1.0)
-    left[0] = math.exp(-2 * math.acos(w)) if p[MAG_ERROR] > 0 else 1.0
-
-
-field_correlation_row = field_correlation.row  # as other kernels call it
+    return math.exp(-2 * math.acos(w)) if p.mag_error > 0 else 1.0
 
 
 @inlined
 def propagate_row(
-    p: Array,
+    p: KernelParams,
     span: float,
     T: Array,
     J: Array,
@@ -112,9 +104,7 @@ def propagate_row(
     for k in range(12):
         w, x, y, z = T[k // 3, 0], T[k // 3, 1], T[k // 3, 2], T[k // 3, 3]
         angle = 2 * math.atan2(math.sqrt(x * x + y * y + z * z), abs(w))
-        Q[k, k] = (
-            p[GYR_NOISE] ** 2 / 2 * span + (p[GYR_SCALE] * angle) ** 2 + rotation_variance[k // 3]
-        )
+        Q[k, k] = p.gyr_noise**2 / 2 * span + (p.gyr_scale * angle) ** 2 + rotation_variance[k // 3]
     spread(G, Q, of_noise)
     product(F, P, across)
     put(P, P_new)
@@ -129,34 +119,10 @@ def propagate_row(
                     of_angles += across[i, j] * F[k, j]
             P_new[i, k] = P_new[k, i] = of_angles + of_noise[i, k]
     for k in range(ERROR.bias, ERROR.q_SB):
-        P_new[k, k] += p[BIAS_WALK] ** 2 * span
-    if p[MAG_ERROR] > 0:
-        left = np.empty(1)
-        field_correlation_row(p, T, left)
+        P_new[k, k] += p.bias_walk**2 * span
+    if p.mag_error > 0:
+        left = field_correlation(p, T)
         for k in range(P.shape[0]):
-            P_new[ERROR.field_difference, k] *= left[0]
-            P_new[k, ERROR.field_difference] *= left[0]
-        P_new[ERROR.field_difference, ERROR.field_difference] += (
-            2 * p[MAG_ERROR] ** 2 * (1 - left[0] ** 2)
-        )
-
-
-@rowwise("(p),(),(s,q),(s,v,v),(s),(j,q),(e,e)->(j,q),(e,e)")
-def propagate(
-    p: Array,
-    span: float,
-    delta_q: Array,
-    J_bias: Array,
-    rotation_variance: Array,
-    q_pc: Array,
-    P: Array,
-    q_new: Array,
-    P_new: Array,
-) -> None:
-    """`propagate_row` for every chain."""
-    q, C = np.empty((3, 4)), np.empty(P.shape)
-    propagate_row(
-        p, span, delta_q.copy(), J_bias.copy(), rotation_variance, q_pc.copy(), P.copy(), q, C
-    )
-    put(q, q_new)
-    put(C, P_new)
+            P_new[ERROR.field_difference, k] *= left
+            P_new[k, ERROR.field_difference] *= left
+        P_new[ERROR.field_difference, ERROR.field_difference] += 2 * p.mag_error**2 * (1 - left**2)

@@ -26,8 +26,7 @@ from handscope.estimators.finger_ekf.chain_state import (
     joints_of,
     window_of,
 )
-from handscope.estimators.finger_ekf.measurements import RATE_GATE
-from handscope.estimators.finger_ekf.preintegration import MAG_ERROR
+from handscope.estimators.finger_ekf.kernel_params import KernelParams
 from handscope.estimators.finger_ekf.sensor_to_segment import (
     SIZE,
     inject_error,
@@ -106,7 +105,12 @@ def extend_windows(
 
 @inlined
 def _update_heading(
-    p: Array, mag: Array, rates: Array, vector_valid: Array, joints: Joints, chain: ChainState
+    p: KernelParams,
+    mag: Array,
+    rates: Array,
+    vector_valid: Array,
+    joints: Joints,
+    chain: ChainState,
 ) -> None:
     """Heading update from the magnetometers of hand and tip, if both sensors are complete and slow."""
     known = joints.known
@@ -117,11 +121,11 @@ def _update_heading(
         and math.isfinite(mag[0, 0] + mag[0, 1] + mag[0, 2] + mag[1, 0] + mag[1, 1] + mag[1, 2])
     )
     if (
-        p[MAG_ERROR] > 0
+        p.mag_error > 0
         and seen
         and vector_valid[0] > 0
         and vector_valid[3] > 0
-        and max(rates[0], rates[3]) < p[RATE_GATE]
+        and max(rates[0], rates[3]) < p.rate_gate
     ):
         innovation, H, noise, dx = (
             np.zeros(1),
@@ -152,8 +156,32 @@ def _update_heading(
 
 
 @looped
+def propagate_chains(p: KernelParams, span: float, window: Window, chains: ChainState) -> None:
+    """Propagate each of F chains to a window's end, without any update."""
+    for f in range(window.delta_q.shape[0]):
+        _propagate_chain(p, span, window_of(window, f), chain_of(chains, f))
+
+
+@inlined
+def _propagate_chain(p: KernelParams, span: float, window: Window, chain: ChainState) -> None:
+    """Propagate rotations, covariance and the field difference over a window."""
+    chain.field_difference[0] *= preintegration.field_correlation(p, window.delta_q)
+    preintegration.propagate_row(
+        p,
+        span,
+        window.delta_q,
+        window.J_bias,
+        window.rotation_variance,
+        chain.q_pc.copy(),
+        chain.P,
+        chain.q_pc,
+        chain.P,
+    )
+
+
+@looped
 def update_chains(
-    p: Array, span: float, window: Window, acc: Array, mag: Array, joints: Joints,
+    p: KernelParams, span: float, window: Window, acc: Array, mag: Array, joints: Joints,
     chains: ChainState, q_joint: Array, P_joints: Array,
 ) -> None:  # fmt: skip
     """`_update_chain` for each of F chains: all arrays but the options have their axis first."""
@@ -173,24 +201,12 @@ def update_chains(
 
 @inlined
 def _update_chain(
-    p: Array, span: float, window: Window, acc: Array, mag: Array, joints: Joints,
+    p: KernelParams, span: float, window: Window, acc: Array, mag: Array, joints: Joints,
     chain: ChainState, q_joint: Array, P_joints: Array,
 ) -> None:  # fmt: skip
     """Update at a window's end: shared vertical, joint constraints, heading, zero rates. Fills the true joints (3, 4) and their covariance (9, 9)."""
-    T, correlation, q_before = window.delta_q, np.empty(1), chain.q_pc.copy()
-    preintegration.field_correlation_row(p, T, correlation)
-    chain.field_difference[0] *= correlation[0]
-    preintegration.propagate_row(
-        p,
-        span,
-        T,
-        window.J_bias,
-        window.rotation_variance,
-        q_before,
-        chain.P,
-        chain.q_pc,
-        chain.P,
-    )
+    q_before = chain.q_pc.copy()
+    _propagate_chain(p, span, window, chain)
     A = np.zeros((9, SIZE))
     sensor_to_segment.joint_jacobian_row(chain.q_pc, chain.q_SB, chain.soft_tissue_gain, q_joint, A)
     if span > 0:
@@ -209,7 +225,7 @@ def _update_chain(
 
 @inlined
 def _correct_chain(
-    p: Array, span: float, window: Window, acc: Array, mag: Array, joints: Joints,
+    p: KernelParams, span: float, window: Window, acc: Array, mag: Array, joints: Joints,
     chain: ChainState, q_before: Array, q_joint: Array, A: Array,
 ) -> None:  # fmt: skip
     """The measurement updates of a window of `span` seconds, of joints q_joint (3, 4) with the Jacobian A (9, 43)."""

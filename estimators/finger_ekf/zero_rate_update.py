@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from handscope.estimators.finger_ekf.chain_state import ChainState
-from handscope.estimators.finger_ekf.measurements import CREEPING, REST_RATE
+from handscope.estimators.finger_ekf.kernel_params import KernelParams
 from handscope.estimators.finger_ekf.sensor_to_segment import ERROR, SIZE, inject_error
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined
@@ -25,13 +25,13 @@ UNLIKELY = 9.0  # squared sd beyond which a rate is downweighted
 
 @inlined
 def zero_rate_update_row(
-    p: Array, delta_q: Array, bias_time: Array, span: float, rates: Array, chain: ChainState
+    p: KernelParams, delta_q: Array, bias_time: Array, span: float, rates: Array, chain: ChainState
 ) -> None:
     """The mean rate over REST seconds measures the bias; rate differences between rests give its noise."""
     due, some, turn = np.zeros(4), False, np.empty(3)
     rest_time, rest_rotation = chain.rest_time, chain.rest_rotation
     for s in range(4):
-        still = bias_time[s] > 0 and rates[s] < p[REST_RATE]
+        still = bias_time[s] > 0 and rates[s] < p.rest_rate
         quat.log_row(delta_q[s], turn, turn)
         rest_time[s] = rest_time[s] + span if still else 0.0
         for a in range(3):
@@ -93,7 +93,7 @@ def update_rest_scatter_row(
 
 @inlined
 def zero_rate_rows(
-    p: Array,
+    p: KernelParams,
     rest_rotation: Array,
     rest_time: Array,
     due: Array,
@@ -105,9 +105,7 @@ def zero_rate_rows(
     noise: Array,
 ) -> None:
     """Three rows a sensor that is `due`: its rotation (4, 3) rad in `rest_time` (4,) s was bias."""
-    variance = (ASSUMED * p[CREEPING] ** 2 + rest_rate_scatter[0]) / (
-        ASSUMED + rest_rate_scatter[1]
-    )
+    variance = (ASSUMED * p.creeping**2 + rest_rate_scatter[0]) / (ASSUMED + rest_rate_scatter[1])
     for s in range(4):
         for a in range(3):
             row = 3 * s + a

@@ -273,34 +273,10 @@ class MagnetParams:
 def noise_model(p: MagnetParams, array_span: float = 0.0) -> NoiseModel:
     """Options in SI; `array_span` m is the RMS distance of the magnetometers from their middle."""
     return NoiseModel(
-        gyr=p.gyr_noise * DEG,
-        gyr_moving=p.gyr_share * np.sqrt(2 * GYR_CORRELATION_TIME),
-        acc=p.acc_noise,
-        acc_slow=p.acc_error * np.sqrt(2 * p.acc_correlation_time),
-        acc_moving_slow=p.acc_share * np.sqrt(2 * p.acc_correlation_time),
-        mag=1e-6 * p.mag_noise,
-        mag_residual=1e-6 * p.mag_error,
-        gradient=1e-6 * p.field_gradient * float(np.sqrt(GRADIENT_VARIANCE)),
-        single=1e-6
-        * float(
-            np.sqrt(
-                p.mag_noise**2
-                + p.mag_error**2
-                + ALL_GRADIENTS_VARIANCE * (p.field_gradient * array_span) ** 2
-            )
-        ),
-        mag_correlation_angle=p.mag_correlation_angle,
-        acc_correlation_time=p.acc_correlation_time,
-        gyr_walk=p.gyr_bias_walk,
-        acc_walk=p.acc_bias_walk,
-        acc_turned=p.acc_share * GRAVITY * np.sqrt(TURN_LENGTH),
-        field_walk=1e-6 * p.field_walk,
-        field_across=1e-6 * p.field_across,
+        **_inertial_noise(p),
+        **_magnetic_noise(p, array_span),
         gravity=GRAVITY,
         gate=p.gate,
-        acc_still=p.acc_still,
-        acc_moving=p.acc_moving,
-        acc_common=p.acc_common,
         trunk_speed=p.trunk_speed,
         speed_correlation_time=p.speed_correlation_time,
         still_acc=p.still_acc,
@@ -311,5 +287,38 @@ def noise_model(p: MagnetParams, array_span: float = 0.0) -> NoiseModel:
         reach_speed=p.reach_speed,
         max_gap=p.max_gap,
         nis_limit=p.nis_limit,
-        mean_rates=float(p.gyr_reading == "mean"),
     )
+
+
+def _inertial_noise(p: MagnetParams) -> dict[str, float]:
+    """Of the gyroscope and the accelerometer."""
+    slow = np.sqrt(2 * p.acc_correlation_time)
+    return {
+        "gyr": p.gyr_noise * DEG,
+        "gyr_moving": p.gyr_share * np.sqrt(2 * GYR_CORRELATION_TIME),
+        "gyr_walk": p.gyr_bias_walk,
+        "mean_rates": float(p.gyr_reading == "mean"),
+        "acc": p.acc_noise,
+        "acc_slow": p.acc_error * slow,
+        "acc_moving_slow": p.acc_share * slow,
+        "acc_correlation_time": p.acc_correlation_time,
+        "acc_walk": p.acc_bias_walk,
+        "acc_turned": p.acc_share * GRAVITY * np.sqrt(TURN_LENGTH),
+        "acc_still": p.acc_still,
+        "acc_moving": p.acc_moving,
+        "acc_common": p.acc_common,
+    }
+
+
+def _magnetic_noise(p: MagnetParams, array_span: float) -> dict[str, float]:
+    """Of the magnetometers and the field of the room."""
+    of_array = ALL_GRADIENTS_VARIANCE * (p.field_gradient * array_span) ** 2
+    return {
+        "mag": 1e-6 * p.mag_noise,
+        "mag_residual": 1e-6 * p.mag_error,
+        "mag_correlation_angle": p.mag_correlation_angle,
+        "gradient": 1e-6 * p.field_gradient * float(np.sqrt(GRADIENT_VARIANCE)),
+        "single": 1e-6 * float(np.sqrt(p.mag_noise**2 + p.mag_error**2 + of_array)),
+        "field_walk": 1e-6 * p.field_walk,
+        "field_across": 1e-6 * p.field_across,
+    }

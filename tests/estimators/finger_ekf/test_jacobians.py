@@ -8,7 +8,7 @@ import pytest
 
 from handscope.estimators.finger_ekf import measurements as finger_ekf_measurements
 from handscope.estimators.finger_ekf import sensor_to_segment
-from handscope.estimators.finger_ekf.filter import FilterParams
+from handscope.estimators.finger_ekf.filter import FilterParams, pack_params
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
@@ -151,7 +151,7 @@ def _constrain(jacobian: _Jacobian) -> _Rows:
             0.2,
         )
         finger_ekf_measurements.joint_constraints_row(
-            finger_ekf_measurements.pack_params(FilterParams()), *each[:2], *given, *each[2:]
+            pack_params(FilterParams()), *each[:2], *given, *each[2:]
         )
     return _Rows(rows.innovation[:, 9:], rows.H[:, 9:], rows.noise[:, 9:, 9:])
 
@@ -217,7 +217,7 @@ def test_the_gates_leave_out_accelerometers_that_disagree_or_turn_fast() -> None
             H[case],
             np.zeros((18, 18)),
         )
-        finger_ekf_measurements.vectors_row(finger_ekf_measurements.pack_params(params), *given)
+        finger_ekf_measurements.vectors_row(pack_params(params), *given)
     used = np.abs(H[:, :9]).reshape(3, 3, 3, -1).sum(axis=(2, 3)) > 0
     np.testing.assert_array_equal(
         used, [[True, True, True], [True, False, False], [False, False, True]]

@@ -31,7 +31,7 @@ from tests.simulated import DEG, assert_same, calibrated, cut, in_strips, with_s
 
 WITHOUT = ekf.Params(gyr_reading="instant")
 WITH = replace(WITHOUT, magnetometers=True)
-NUMBERS = finger_ekf_filter._pack_params(WITH)
+NUMBERS = finger_ekf_filter.pack_params(WITH)
 
 
 def _tracked(recording: Simulated, params: ekf.Params) -> Trajectory:
@@ -234,7 +234,8 @@ def test_what_fields_differ_by_is_forgotten_over_a_turn() -> None:
         (still, 0.25),
         (turned, np.exp(-4) * 0.25 + 2 * WITH.mag_error**2 * (1 - np.exp(-4))),
     ):
-        _, after = preintegration.propagate(
-            NUMBERS, 0.0, T, np.zeros((4, 3, 3)), np.zeros(4), np.tile(quat.IDENTITY, (3, 1)), P
+        q_pc, after = np.tile(quat.IDENTITY, (3, 1)), np.empty(P.shape)
+        preintegration.propagate_row(
+            NUMBERS, 0.0, T, np.zeros((4, 3, 3)), np.zeros(4), q_pc, P, q_pc.copy(), after
         )
         assert after[ERROR.field_difference, ERROR.field_difference] == pytest.approx(expected)

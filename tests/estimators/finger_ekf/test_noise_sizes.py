@@ -6,13 +6,12 @@ import pytest
 
 from handscope.estimators.alignment import initial_pose
 from handscope.estimators.finger_ekf import inclination_noise, joint_compliance, zero_rate_update
-from handscope.estimators.finger_ekf import measurements as finger_ekf_measurements
-from handscope.estimators.finger_ekf.measurements import UpdateParams
+from handscope.estimators.finger_ekf.filter import FilterParams, pack_params
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
 DEG = np.pi / 180
-NUMBERS = finger_ekf_measurements.pack_params(UpdateParams())
+NUMBERS = pack_params(FilterParams())
 
 
 @pytest.mark.parametrize("density", [0.01, 0.04])

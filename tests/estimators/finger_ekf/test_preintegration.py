@@ -8,6 +8,7 @@ import pytest
 from filterpy.kalman import predict
 
 from handscope.estimators.finger_ekf import preintegration
+from handscope.estimators.finger_ekf.kernel_params import KernelParams
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
@@ -45,6 +46,18 @@ def _preintegrated(turns: Array, bias: Array, times: Array) -> tuple[Array, Arra
     return after[-1], J_bias
 
 
+def _propagated(
+    delta_q: Array, J_bias: Array, rotation_variance: Array, q_pc: Array, P: Array
+) -> tuple[Array, Array]:
+    """Joints and covariance at the end of a window of 0.2 s, without any noise of the sensors."""
+    nothing = KernelParams(False, *np.zeros(7), False, *np.zeros(12))
+    q_new, P_new = np.empty(q_pc.shape), np.empty(P.shape)
+    preintegration.propagate_row(
+        nothing, 0.2, delta_q.copy(), J_bias.copy(), rotation_variance, q_pc, P, q_new, P_new
+    )
+    return q_new, P_new
+
+
 def test_the_covariance_goes_along_by_the_derivative_of_the_two_sided_update(
     rng: np.random.Generator,
 ) -> None:
@@ -54,9 +67,7 @@ def test_the_covariance_goes_along_by_the_derivative_of_the_two_sided_update(
     delta_q, J_bias = _preintegrated(turns, bias, times)
     P = np.zeros((43, 43))
     P[:21, 21:42] = P[21:42, :21] = np.eye(21)
-    q_new, P_new = preintegration.propagate(
-        np.zeros(21), 0.2, delta_q, J_bias, np.zeros(4), q_pc, P
-    )
+    q_new, P_new = _propagated(delta_q, J_bias, np.zeros(4), q_pc, P)
 
     def ended(errors: Array) -> Array:
         q = quat.multiply(q_pc, quat.exp(errors[:9].reshape(3, 3)))
@@ -77,9 +88,7 @@ def test_what_a_sensor_may_have_missed_enters_as_the_derivative_says(
     q_pc, turns, bias, times = _window(rng)
     delta_q, J_bias = _preintegrated(turns, bias, times)
     rotation_variance = np.where(np.arange(4) == sensor, 1.0, 0.0)
-    q_new, P_new = preintegration.propagate(
-        np.zeros(21), 0.2, delta_q, J_bias, rotation_variance, q_pc, np.zeros((43, 43))
-    )
+    q_new, P_new = _propagated(delta_q, J_bias, rotation_variance, q_pc, np.zeros((43, 43)))
 
     def ended(error: Array) -> Array:
         wrong = delta_q.copy()
@@ -108,9 +117,7 @@ def test_the_time_update_of_resting_sensors_is_filterpys(rng: np.random.Generato
         rows = slice(3 * j, 3 * j + 3)
         F[rows, 9 + 3 * j : 12 + 3 * j], F[rows, 12 + 3 * j : 15 + 3 * j] = -J[j], J[j + 1]
         G[rows, 3 * j : 3 * j + 3], G[rows, 3 * j + 3 : 3 * j + 6] = -np.eye(3), np.eye(3)
-    q_new, ours = preintegration.propagate(
-        np.zeros(21), span, delta_q, J, variances, q_pc, P.copy()
-    )
+    q_new, ours = _propagated(delta_q, J, variances, q_pc, P)
     Q = G @ np.diag(np.repeat(variances, 3)) @ G.T
     np.testing.assert_allclose(ours, predict(np.zeros(43), P, F, Q)[1], rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(q_new, q_pc, rtol=1e-10, atol=1e-10)
