@@ -26,6 +26,7 @@ def on_files(files: Files, config: Any) -> Files:
         "reference/http.md": http(),
         "reference/python.md": python(),
         "validation/index.md": validation(),
+        "tutorials/first-analysis.md": notebook("analyse_a_recording"),
     }
     for path, text in pages.items():
         files.append(File.generated(config, path, content=text))
@@ -38,6 +39,17 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
     return re.sub(
         path, lambda m: f"{m[1]} (`{m[2] or 'docs/' + m[3].replace('../', '')}`)", markdown
     )
+
+
+def notebook(name: str) -> str:
+    """Words and code of a notebook; tests/app/analysis/test_notebooks.py runs it."""
+    kept = json.loads((DOCS / "notebooks" / f"{name}.ipynb").read_text("utf-8"))
+    parts = []
+    for cell in kept["cells"]:
+        text = "".join(cell["source"])
+        parts.append(text if cell["cell_type"] == "markdown" else f"```python\n{text}\n```")
+    parts.append(f"All of it as a notebook that runs: [{name}.ipynb](../notebooks/{name}.ipynb).")
+    return "\n\n".join(parts) + "\n"
 
 
 def command_line(verbs: dict[str, str]) -> str:
