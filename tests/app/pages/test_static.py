@@ -205,3 +205,9 @@ def test_words_stand_in_no_module() -> None:
     assert [p.name for p in MODULES if p.parent.name == "words" and len(p.stem) == 2] == [], (
         "words belong into app/language/*.json, pages"
     )
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name)
+def test_a_label_takes_its_colon_from_the_language(path: Path) -> None:
+    """French has a space before it: words/joined.js `labelled`."""
+    assert re.findall(r"\$\{[^}]*\}: ?`", path.read_text("utf-8")) == []
