@@ -106,7 +106,8 @@ def test_documents_hold_nothing_that_the_security_policy_forbids(path: Path) -> 
     assert "style=" not in text and "<style" not in text and not re.search(r"\son\w+=", text)
     assert re.findall(r"<script(?![^>]*\ssrc=)", text) == []
     assert all(
-        address.startswith("/static/") for address in re.findall(r"(?:src|href)=\"([^\"]+)\"", text)
+        address.startswith(("/static/", "/languages/"))
+        for address in re.findall(r"(?:src|href)=\"([^\"]+)\"", text)
     )
 
 
