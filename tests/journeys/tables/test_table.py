@@ -92,7 +92,8 @@ def test_a_german_table_of_an_unknown_logger_is_mapped_and_assessed(
     page.get_by_role("button", name="Store and process").click()
     page.wait_for_url("**/sessions/*")
     shown(page.get_by_role("heading", name="Finger tapping"))
-    assert int(figure(page, "Taps")) > 15  # the task was typed, not taken from the recording
+    taps, *_ = figure(page, "Taps").split()  # with its standard deviation, where it has one
+    assert int(taps) > 15  # the task was typed, not taken from the recording
 
 
 def test_the_map_is_offered_again_and_the_page_speaks_german(
