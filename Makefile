@@ -110,7 +110,9 @@ $(VENV)/installed: requirements.lock requirements-uv.lock pyproject.toml
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
 	@touch $@
 
-$(VENV)/runs: $(VENV)/installed
+# A new version's kernels are translated here, by one process: several that meet at one may keep code that crashes
+KERNELS := $(shell grep -rlE '^@(looped|rowwise|rowwise_bool|inlined)' --include='*.py' app estimators sessions validation)
+$(VENV)/runs: $(VENV)/installed $(KERNELS)
 	@echo "translating the estimators to machine code, once ..."
 	@find app estimators sessions validation -name '*.nb[ic]' -delete  # code of an earlier version, perhaps of modules that were renamed
 	$(BIN)/python -P -m handscope.app.compile_kernels
