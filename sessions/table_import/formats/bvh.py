@@ -91,7 +91,8 @@ def _joints(lines: list[str], file: str) -> list[_Joint]:
                     raise InputError("import.bvh_bracket", file=file, number=number)
                 open_joints.pop()
             case "CHANNELS":
-                if not found or len(words) < 3 or len(found) > MOST_JOINTS:
+                new = bool(found) and not found[-1].channels
+                if not new or len(words) < 3 or len(found) > MOST_JOINTS:
                     raise InputError("import.bvh_channels", file=file, number=number)
                 channels = tuple(words[2:])
                 found[-1] = _Joint(found[-1].name, found[-1].parent, channels, first)
