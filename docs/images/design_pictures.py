@@ -5,36 +5,24 @@ The left halves are the first edition's pages; they stay as they are.
 
 import io
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 
 from moving_picture import demo
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
+from results_picture import make
 
-from handscope.app.example_patients import patients, sessions
 from handscope.app.example_patients.stories import STORIES
-from handscope.sessions.store.store import open_store
 from tests.browser import chromium
 
 HERE = Path(__file__).parent
-STORY = next(story for story in STORIES if "Parkinson" in story.code)
-VISITS = 3  # of its course
+STORY = next(story for story in STORIES if "Parkinson" in story.code)  # who taps
 WIDE, PHONE = (1440, 900), (390, 844)
 HALVES = {
     "session": (705, 695, WIDE),
     "patient": (705, 695, WIDE),
     "phone": (410, 390, PHONE),
 }  # px: where it begins, its width
-
-
-def make(data: Path) -> None:
-    """One simulated patient who taps."""
-    store = open_store(data)
-    patients.add_patients(store)
-    sessions.STORIES = (replace(STORY, course=STORY.course[:VISITS]),)
-    sessions.add_sessions(store)
-    store.close()
 
 
 def take(page: Page, name: str) -> None:
@@ -54,7 +42,7 @@ def main() -> None:
     """The patient's page, and the newest session on a screen and on a phone."""
     with tempfile.TemporaryDirectory() as folder:
         data = Path(folder)
-        make(data)
+        make(data, STORY)
         with demo(data) as address, sync_playwright() as tool:
             browser = tool.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
             page = browser.new_page()

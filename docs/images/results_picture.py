@@ -8,20 +8,19 @@ from moving_picture import demo
 from playwright.sync_api import sync_playwright
 
 from handscope.app.example_patients import patients, sessions
-from handscope.app.example_patients.stories import STORIES
+from handscope.app.example_patients.stories import STORIES, Story
 from handscope.sessions.store.store import open_store
 from tests.browser import chromium
 
 TARGET = Path(__file__).with_name("results.png")
 VIEW = {"width": 1440, "height": 900}
-VISITS = 3  # of the course of the first simulated patient; the other hand follows in the first
+VISITS = 3  # of a simulated patient's course; the other hand of the first one follows in the first
 
 
-def make(data: Path) -> None:
-    """The first simulated patient's first sessions."""
+def make(data: Path, story: Story) -> None:
+    """The first sessions of the simulated patient of one story."""
     store = open_store(data)
     patients.add_patients(store)
-    story = STORIES[0]
     sessions.STORIES = (replace(story, course=story.course[:VISITS]),)
     sessions.add_sessions(store)
     store.close()
@@ -31,7 +30,7 @@ def main() -> None:
     """The newest of them, as its page opens."""
     with tempfile.TemporaryDirectory() as folder:
         data = Path(folder)
-        make(data)
+        make(data, STORIES[0])
         with demo(data) as address, sync_playwright() as tool:
             browser = tool.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
             page = browser.new_context(viewport=VIEW).new_page()  # type: ignore[arg-type]
