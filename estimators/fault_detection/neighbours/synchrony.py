@@ -59,6 +59,11 @@ class _Shown:
     noise: float
     variance: float  # of the group's rate, summed over the windows that were asked
 
+    @cached_property
+    def total(self) -> Array:
+        """How badly each lag fits (lags,): the logarithm of what it leaves, summed over the windows."""
+        return np.asarray(np.log(self.rest + self.noise).sum(axis=1))
+
 
 @dataclass(frozen=True)
 class _Signals:
@@ -282,15 +287,13 @@ def _frequency(rate: Array) -> float:
 
 
 def _least(shown: _Shown) -> Array:
-    best = int(np.argmin(np.log(shown.rest + shown.noise).sum(axis=1)))
-    return np.asarray(shown.rest[best])
+    return np.asarray(shown.rest[int(np.argmin(shown.total))])
 
 
 def _gain(lags: Array, shown: _Shown, k: int) -> tuple[Array, Array]:
     """How much better (mean log ratio by window) the lag explains than none does, and how much each window tells; a rhythm's other lag near zero counts as none."""
-    total = np.log(shown.rest + shown.noise).sum(axis=1)
-    none = [i for i in range(1, len(lags) - 1) if _is_none(lags, total, i)]
-    least = min(none, key=lambda i: total[i])
+    none = [i for i in range(1, len(lags) - 1) if _is_none(lags, shown.total, i)]
+    least = min(none, key=lambda i: shown.total[i])
     before, after = shown.rest[least], shown.rest[k]
     gain = paired_test.log_rest(before, np.full_like(before, shown.noise)) - paired_test.log_rest(
         after, np.full_like(after, shown.noise)
