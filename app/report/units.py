@@ -74,6 +74,13 @@ def with_unit(number: str, unit: str, language: Language) -> str:
     return f"{number}{words}" if words.startswith("°") else f"{number} {words}".strip()
 
 
+def signed(value: float, places: int, unit: str, language: Language) -> str:
+    """A number with its unit and so many decimals; below zero it is said in words."""
+    size = with_unit(language.number(abs(value), places), unit, language)
+    below = value < 0 and round(-value, places) > 0
+    return language.say("progress.below_zero", size=size) if below else size
+
+
 def places_of(value: float, unit: str) -> int:
     """Decimals that a person can use: of 2.5 taps per second two, of 81 degrees none, of 8 degrees one."""
     most = MOST_DECIMALS.get(unit, 3)

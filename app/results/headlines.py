@@ -16,7 +16,7 @@ from handscope.app.report.references import Edition, newest
 from handscope.app.report.sections.other_measures import share_words
 from handscope.app.report.sections.range_comparison import reference_of
 from handscope.app.report.sections.range_rows import over_tasks
-from handscope.app.report.units import DEG, decimals_of_sd, places_of, reading, with_unit
+from handscope.app.report.units import DEG, decimals_of_sd, places_of, reading, signed, with_unit
 from handscope.app.report.words import flexion_words, joint_words, named
 from handscope.estimators.measures.figure import Figure
 from handscope.estimators.measures.range_of_motion import Range
@@ -163,11 +163,8 @@ def _verdict(figure: Figure, change: Change | None) -> Literal["better", "worse"
 
 def _words(figure: Figure, value: float, language: Language) -> str:
     """A value in the unit a person reads; below zero it is said in words."""
-    read = reading(Figure(figure.name, abs(value), figure.unit, ""))
-    places = places_of(read.value, read.unit)
-    size = with_unit(language.number(read.value, places), read.unit, language)
-    below = value < 0 and round(read.value, places) > 0
-    return language.say("progress.below_zero", size=size) if below else size
+    read = reading(Figure(figure.name, value, figure.unit, ""))
+    return signed(read.value, places_of(read.value, read.unit), read.unit, language)
 
 
 def finger_rows(

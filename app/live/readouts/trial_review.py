@@ -18,7 +18,7 @@ from handscope.app.live.wizard.machine import State, Wizard
 from handscope.app.protocols import CURVES, Protocol
 from handscope.app.report.change_words import value_words
 from handscope.app.report.progress.importance import HEADLINES
-from handscope.app.report.units import places_of, reading, with_unit
+from handscope.app.report.units import places_of, reading, signed
 from handscope.app.report.words import named
 from handscope.app.results.quantity_curve import value_of
 from handscope.estimators.data.samples import Block, Event
@@ -221,9 +221,7 @@ def _figure_words(f: Mapping[str, Any], language: Language) -> dict[str, Any]:
         if value < 0 and f["unit"] == "deg":
             return value_words(f["figure"], value, "deg", language)
         places = 0 if f["unit"] == "deg" else places_of(f["value"], f["unit"])
-        size = with_unit(language.number(abs(value), places), f["unit"], language)
-        below = value < 0 and round(-value, places) > 0
-        return language.say("progress.below_zero", size=size) if below else size
+        return signed(value, places, f["unit"], language)
 
     return {
         "label": named(figure, language),
