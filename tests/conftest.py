@@ -3,9 +3,11 @@
 import gc
 import logging
 import os
+import time
 from collections.abc import Iterator
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ["TZ"] = "UTC"  # hours are written as the clocks of a machine show them
 
 import numpy as np
 import pytest
@@ -19,6 +21,7 @@ from tests import schedule
 from tests.browser import chromium
 from tests.simulated import pose_and_wiggle
 
+time.tzset()
 settings.register_profile(
     "handscope",
     max_examples=25,

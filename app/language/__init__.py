@@ -77,13 +77,16 @@ class Language:
         return str(format_decimal(round(value, decimals) + 0.0, form, self.locale))
 
     def day(self, moment: date) -> str:
-        return format_date(moment, "long", self.locale)
+        """ "24 November 2026": of a moment, the day where the server stands."""
+        return format_date(_local(moment), "long", self.locale)
 
     def short_day(self, moment: datetime) -> str:
-        return format_date(moment, "short", self.locale)
+        return format_date(_local(moment), "short", self.locale)
 
     def hour(self, moment: datetime) -> str:
-        return f"{format_time(moment.timetz(), 'HH:mm', locale=self.locale)} {moment.tzname() or ''}".strip()
+        """ "10:12 CET": the hour where the server stands."""
+        local = _local(moment)
+        return f"{format_time(local.timetz(), 'HH:mm', locale=self.locale)} {local.tzname() or ''}".strip()
 
     def all_of(self, words: Sequence[str]) -> str:
         """ "a", "a and b", "a, b and c"."""
@@ -255,6 +258,13 @@ def _weigh(accepted: str) -> Iterable[tuple[float, str]]:
             yield (float(weight) if weight else 1.0), tag.strip()
         except ValueError:
             continue
+
+
+def _local(moment: date) -> Any:
+    """A moment on the clocks where the server stands (the system's zone, or TZ); a day, or a moment without a zone, as it is."""
+    if isinstance(moment, datetime) and moment.tzinfo:
+        return moment.astimezone()
+    return moment
 
 
 def _fill(text: str, values: Mapping[str, object]) -> str:

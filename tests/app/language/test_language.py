@@ -2,7 +2,8 @@
 
 import json
 import re
-from datetime import UTC, datetime
+import time
+from datetime import UTC, date, datetime
 from importlib.resources import files
 
 import pytest
@@ -108,6 +109,21 @@ def test_numbers_and_days_have_the_locales_form() -> None:
     assert (FRENCH.number(1234.567, 2), FRENCH.day(MOMENT)) == ("1\u202f234,57", "5 novembre 2026")
     assert GERMAN.hour(MOMENT) == "07:03 UTC"
     assert GERMAN.all_of(["a", "b", "c"]) == "a, b und c"
+
+
+def test_a_moment_is_written_as_the_clocks_show_it_where_the_server_stands(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("TZ", "Europe/Berlin")
+    time.tzset()
+    try:
+        late = datetime(2026, 7, 5, 22, 30, tzinfo=UTC)
+        assert (ENGLISH.day(late), ENGLISH.hour(late)) == ("6 July 2026", "00:30 CEST")
+        assert ENGLISH.short_day(late) == "06/07/2026"
+        assert ENGLISH.day(date(2026, 7, 5)) == "5 July 2026"
+    finally:
+        monkeypatch.undo()
+        time.tzset()
 
 
 @pytest.mark.parametrize(
