@@ -31,16 +31,16 @@ def test_rates_and_accelerations_add_up_to_the_movement(law: str) -> None:
     setup, segment, dt = Setup(3, "right", law=law), "index_middle", 1e-3
     body, movement = free_movement._body(setup), free_movement._movement(setup)
     t = np.arange(0.0, 0.6, dt)
-    R, p = free_movement._worn(setup, body, movement, segment, t)
-    rate, force = free_movement._readings(setup, body, movement, segment, t)
+    around = free_movement._around(setup, body, movement, t)
+    R, p = free_movement._worn(setup, body, movement, segment, around[3])
+    rate, force = free_movement._readings(setup, body, movement, segment, around)
     turned = Rotation.identity()
     for w in 0.5 * (rate[1:] + rate[:-1]):
         turned = turned * Rotation.from_rotvec(dt * w)
     assert (turned.inv() * Rotation.from_matrix(R[0].T @ R[-1])).magnitude() < 0.01 * DEG
     a = np.einsum("nij,nj->ni", R, force) - [0.0, 0.0, GRAVITY]
-    begun = (
-        free_movement._worn(setup, body, movement, segment, t[:1] + SHORT)[1] - p[:1]
-    ) / SHORT - 0.5 * SHORT * a[:1]
+    later = free_movement._worn(setup, body, movement, segment, around[4])[1]
+    begun = (later[:1] - p[:1]) / SHORT - 0.5 * SHORT * a[:1]
     speed = begun + dt * np.cumsum(
         np.concatenate([np.zeros((1, 3)), 0.5 * (a[1:] + a[:-1])]), axis=0
     )

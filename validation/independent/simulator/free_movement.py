@@ -136,6 +136,14 @@ class Sensors:
 
 
 @dataclass(frozen=True)
+class _Posture:
+    """Where the segments are."""
+
+    t: Array  # (n,) s
+    segments: Mapping[str, tuple[Array, Array]]  # orientation (n, 3, 3), origin (n, 3) m
+
+
+@dataclass(frozen=True)
 class Truth:
     """What is true of a simulated movement: angles (rad), tips (m)."""
 
@@ -171,8 +179,9 @@ def written(setup: Setup, folder: Path, movement: Movement | None = None) -> Tru
             )
         )
     for name, rate, instants, segments in strips:
+        around = _around(setup, body, movement, instants)
         read = {
-            s: _spoilt(noise, sensors, s, rate, *_readings(setup, body, movement, s, instants))
+            s: _spoilt(noise, sensors, s, rate, *_readings(setup, body, movement, s, around))
             for s in segments
         }
         stamps = instants + np.clip(
@@ -433,11 +442,20 @@ def _pulled(
     return bent * body.turned[segment], bent * body.slid[segment]
 
 
+def _around(setup: Setup, body: Body, movement: Movement, t: Array) -> list[_Posture]:
+    """The segments at instants and shortly before and after them, of which differences are taken."""
+    return [_posture(setup, body, movement, t + k * SHORT) for k in range(-3, 4)]
+
+
+def _posture(setup: Setup, body: Body, movement: Movement, t: Array) -> _Posture:
+    return _Posture(t, {s: (R, p) for s, R, p in _posed(setup, body, movement, t)})
+
+
 def _worn(
-    setup: Setup, body: Body, movement: Movement, segment: str, t: Array
+    setup: Setup, body: Body, movement: Movement, segment: str, posture: _Posture
 ) -> tuple[Array, Array]:
     """Orientation (n, 3, 3) and place (n, 3) m of a sensor in the world."""
-    R, p = next((R, p) for s, R, p in _posed(setup, body, movement, t) if s == segment)
+    t, (R, p) = posture.t, posture.segments[segment]
     turn, slide = _pulled(setup, body, movement, segment, t)
     return R @ body.mountings[segment].as_matrix() @ Rotation.from_rotvec(
         turn
@@ -445,13 +463,13 @@ def _worn(
 
 
 def _readings(
-    setup: Setup, body: Body, movement: Movement, segment: str, t: Array
+    setup: Setup, body: Body, movement: Movement, segment: str, around: list[_Posture]
 ) -> tuple[Array, Array]:
     """Rates (n, 3) rad/s and specific forces (n, 3) m/s^2 of a sensor without errors."""
-    around = [_worn(setup, body, movement, segment, t + k * SHORT) for k in range(-3, 4)]
-    R = around[3][0]
-    spin = np.swapaxes(R, 1, 2) @ sum(w * R for w, (R, _) in zip(FIRST, around))
-    felt = sum(w * p for w, (_, p) in zip(SECOND, around)) + np.array([0.0, 0.0, GRAVITY])
+    worn = [_worn(setup, body, movement, segment, posture) for posture in around]
+    R = worn[3][0]
+    spin = np.swapaxes(R, 1, 2) @ sum(w * R for w, (R, _) in zip(FIRST, worn))
+    felt = sum(w * p for w, (_, p) in zip(SECOND, worn)) + np.array([0.0, 0.0, GRAVITY])
     return np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1), np.einsum(
         "nji,nj->ni", R, felt
     )
