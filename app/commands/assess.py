@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from handscope.app.commands.methods import add_method, add_recording, run_method
+from handscope.app.commands.methods import add_method, add_recording, exit_code, run_method
 from handscope.app.commands.words import counted, output_folder, require_file, require_folder, say
 from handscope.app.language import DEFAULT, language, languages
 from handscope.app.protocols import load_all
@@ -70,4 +70,4 @@ def run(arguments: argparse.Namespace) -> int:
     say(
         f"{counted(sum(len(t.figures) for t in tasks), 'figure')} of {counted(len(tasks), 'measure')}: {arguments.out}"
     )
-    return 0
+    return exit_code("assess", processed, arguments.out)

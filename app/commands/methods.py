@@ -1,6 +1,7 @@
 """What verbs share that run a method over a recording: their arguments, and the recording processed."""
 
 import argparse
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -12,6 +13,7 @@ from handscope.app.options import help_text, parse, with_options
 from handscope.app.workers.deadline import LIMIT, limit_time
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.methods import (
     ALL_METHODS,
     DEFAULT,
@@ -90,6 +92,18 @@ class MethodRun:
     processed: Processed
     method: str
     params: Any
+
+
+def exit_code(verb: str, processed: Processed, out: Path) -> int:
+    """2 with a line to standard error where a sensor or the file is at fault, though all was written; 0 else."""
+    wrong = dict.fromkeys(f.sensor for f in processed.findings if f.severity == "fault")
+    if not wrong:
+        return 0
+    sensors = ", ".join(wrong)
+    print(
+        f"handscope {verb}: {phrase('command.at_fault', sensors=sensors, out=out)}", file=sys.stderr
+    )  # noqa: T201  the user's answer
+    return 2
 
 
 def run_method(arguments: argparse.Namespace, limit: float = LIMIT) -> MethodRun:

@@ -4,7 +4,7 @@ import argparse
 import os
 from pathlib import Path
 
-from handscope.app.commands.methods import add_method, method_of, run_method
+from handscope.app.commands.methods import add_method, exit_code, method_of, run_method
 from handscope.app.commands.words import counted, output_folder, progress_bar, say
 from handscope.app.options import parse
 from handscope.app.version import software_version
@@ -85,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
         say(f"warning: {warning}")
     name = next(n for n in files if n.endswith("_motion.tsv"))
     say(f"{len(processed.trajectory)} samples by {done.method}: {arguments.out / name}")
-    return 0
+    return exit_code("process", processed, arguments.out)
 
 
 def _cohort(arguments: argparse.Namespace) -> int:

@@ -36,6 +36,15 @@ def exchanged(block: Block) -> Block:
     return correct_block(block, [parse(f"exchange {SENSOR} index_distal")])
 
 
+def turned(block: Block) -> Block:
+    """A sensor mounted a right angle about its x axis from where it should be."""
+    values, names = block.values.copy(), block.stream.sensors
+    if SENSOR in names:
+        one = values[:, names.index(SENSOR)].reshape(len(values), -1, 3)
+        values[:, names.index(SENSOR)] = (one[..., [0, 2, 1]] * [1, 1, -1]).reshape(len(values), -1)
+    return replace(block, values=values)
+
+
 def in_g(block: Block) -> Block:
     values = block.values.copy()
     if ACC in block.stream.quantities:
@@ -88,16 +97,30 @@ def test_a_faulty_file_is_processed_with_flags_and_no_figure_on_its_sensor_is_go
 ) -> None:
     path = written(intact, negated, tmp_path / "faulty")
     words = [path, "--method", "m2", "--out"]
-    assert main(["process", *words, str(tmp_path / "derivative")]) == 0
-    assert "wrong sign" in capsys.readouterr().out
+    assert main(["process", *words, str(tmp_path / "derivative")]) == 2
+    captured = capsys.readouterr()
+    assert "wrong sign" in captured.out
+    assert SENSOR in captured.err and captured.err.count("\n") == 1
     sidecar, flags = _derivative(tmp_path / "derivative")
     assert [f["code"] for f in sidecar["findings"]] == ["sensor.gyroscope_sign"]
     assert np.mean((flags[SENSOR] & Flag.FAULTY) != 0) > 0.9
     assert not ((flags["ring_middle"] & Flag.FAULTY) != 0).any()
-    assert main(["assess", *words, str(tmp_path / "figures")]) == 0
+    assert main(["assess", *words, str(tmp_path / "figures")]) == 2
     grades = _grades(tmp_path / "figures")
     assert "good" not in {grade for name, grade in grades.items() if "index_pip" in name}
     assert "good" in {grade for name, grade in grades.items() if "ring_pip" in name}
+
+
+def test_a_sensor_turned_by_a_right_angle_ends_with_exit_code_2_and_no_good_figure(
+    intact: LoadedRecording, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(intact, turned, tmp_path / "faulty")
+    out = str(tmp_path / "figures")
+    assert main(["assess", path, "--method", "m2", "--out", out]) == 2
+    captured = capsys.readouterr()
+    assert "turned by about 90 deg" in captured.out and SENSOR in captured.err
+    grades = _grades(tmp_path / "figures")
+    assert "good" not in {grade for name, grade in grades.items() if "index_pip" in name}
 
 
 def test_a_recording_corrected_while_it_was_made_gives_the_result_of_an_intact_one(
