@@ -99,10 +99,8 @@ def exit_code(verb: str, processed: Processed, out: Path) -> int:
     wrong = dict.fromkeys(f.sensor for f in processed.findings if f.severity == "fault")
     if not wrong:
         return 0
-    sensors = ", ".join(wrong)
-    print(
-        f"handscope {verb}: {phrase('command.at_fault', sensors=sensors, out=out)}", file=sys.stderr
-    )  # noqa: T201  the user's answer
+    line = phrase("command.at_fault", sensors=", ".join(wrong), out=out)
+    print(f"handscope {verb}: {line}", file=sys.stderr)  # noqa: T201  the user's answer
     return 2
 
 

@@ -38,6 +38,7 @@ REPRODUCTIONS = {
     "fault-table": "how large a fault of a sensor must be to be found, and how often intact recordings are doubted",
     "crosschecks": "the same for faults that only sensors compared with each other show",
     "false-alarms": "what the checks say of recordings that are right, of 37 kinds",
+    "silent-faults": "everyday mistakes that cost much and go without a word, by a simulator that shares nothing with the program",
 }
 
 
@@ -66,6 +67,7 @@ MODULES = {  # of handscope.validation
     "fault-table": "studies.fault_table",
     "crosschecks": "studies.crosschecks",
     "false-alarms": "studies.false_alarms",
+    "silent-faults": "studies.silent_faults",
 }
 
 

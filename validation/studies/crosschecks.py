@@ -94,6 +94,9 @@ class Made:
     recording: Recording
     blocks: tuple[Block, ...]
     finger: str
+    instants: Array | None = (
+        None  # (n,) s, when the samples were taken, where their times tell otherwise
+    )
 
     def spoilt(self, change: Callable[[Block], Block]) -> "Made":
         return replace(self, blocks=tuple(change(b) for b in self.blocks))
@@ -181,13 +184,17 @@ def _half(made: Made) -> float:
     return 0.5 * (max([first, *poses]) + last)
 
 
-def _slip(made: Made, degrees: float, phalanx: int) -> Made:
-    sensor = CHAINS[made.finger][phalanx]
+def slip(made: Made, degrees: float, sensor: str, start: float) -> Made:
+    """A recording in which a sensor turns about its joint's axis at `start` s."""
     q_BS = nominal_mounting([sensor], made.recording.mounting)[sensor]
     axis = quat.rotate(
         quat.conjugate(q_BS), np.array([0.0, 0.0, 1.0])
     )  # the joint's, in the sensor
-    return made.spoilt(slipped(sensor, np.radians(degrees) * axis, _half(made)))
+    return made.spoilt(slipped(sensor, np.radians(degrees) * axis, start))
+
+
+def _slip(made: Made, degrees: float, phalanx: int) -> Made:
+    return slip(made, degrees, CHAINS[made.finger][phalanx], _half(made))
 
 
 def _with_geometry(made: Made, hand: Hand, geometry: HandGeometry) -> Made:
