@@ -99,7 +99,7 @@ def exit_code(verb: str, processed: Processed, out: Path) -> int:
     wrong = dict.fromkeys(f.sensor for f in processed.findings if f.severity == "fault")
     if not wrong:
         return 0
-    line = phrase("command.at_fault", sensors=", ".join(wrong), out=out)
+    line = phrase("command.at_fault", sensors=", ".join(wrong), out=str(out))
     print(f"handscope {verb}: {line}", file=sys.stderr)  # noqa: T201  the user's answer
     return 2
 

@@ -225,24 +225,26 @@ def measure(trial: Trial) -> dict[str, Case]:
     found = {}
     for name, (spoil, is_whole) in FAULTS.items():
         spoilt = spoil(made, choice)
-        fingers = (
-            [*FINGERS]
-            if is_whole
-            else [
-                choice.finger,
-                *([_neighbour(choice.finger, 1 + ("between" in name))] * ("fingers" in name)),
-            ]
-        )
-        costs = {}
-        for m in METHODS:
-            off = _errors(spoilt, truth, m)
-            costs[m] = (
-                max(off[f] / clean[m][f] for f in fingers)
-                if off is not None and clean[m] is not None
-                else float("nan")
-            )
+        fingers = list(FINGERS) if is_whole else _touched(choice.finger, name)
+        costs = {m: _cost(_errors(spoilt, truth, m), clean[m], fingers) for m in METHODS}
         found[name] = Case(tuple(sorted(_codes(spoilt) - known)), costs)
     return found
+
+
+def _touched(finger: str, name: str) -> list[str]:
+    """The fingers that a fault is in."""
+    if not name.startswith("fingers"):
+        return [finger]
+    return [finger, _neighbour(finger, 2 if name.endswith("between") else 1)]
+
+
+def _cost(
+    off: Mapping[str, float] | None, clean: Mapping[str, float] | None, fingers: Sequence[str]
+) -> float:
+    """The largest of the fingers' errors in times of that without the fault; NaN where a recording is refused."""
+    if off is None or clean is None:
+        return float("nan")
+    return max(off[f] / clean[f] for f in fingers)
 
 
 def recorded(movement: str, seed: int) -> tuple[Made, free_movement.Truth]:
