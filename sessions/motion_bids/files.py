@@ -171,6 +171,7 @@ def _unpacked(path: Path, entry: zipfile.ZipInfo) -> Iterator[bytes]:
         OSError,
         NotImplementedError,
         RuntimeError,
+        UnicodeDecodeError,  # of a name beside the contents
     ):
         raise InputError(
             "motion_bids.zip_file_damaged", name=path.name, file=entry.filename
