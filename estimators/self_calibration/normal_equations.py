@@ -5,12 +5,13 @@ Out     increments of orientations and parameters, covariance of the parameters;
 Source  Triggs et al. 2000, Bundle adjustment - a modern synthesis, 6.1 (bordered systems); Cholesky of a band of blocks: Golub & Van Loan, 4.3, 4.5
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from handscope.estimators.numerics.jit import looped
-from handscope.estimators.numerics.typing import Array
+from handscope.estimators.numerics.jit import inlined, looped
+from handscope.estimators.numerics.typing import Array, Indices
 from handscope.estimators.self_calibration.residuals import Terms
 
 SPAN = 3  # samples that one residual touches at most
@@ -49,16 +50,15 @@ def keep_covariance_only(covariance: Array) -> Factor:
     return Factor(np.empty((0, SPAN, 0, 0)), np.empty((0, 0, len(covariance))), covariance)
 
 
-def empty(samples: int, each: int, parameters: int) -> Normal:
-    """Nothing known yet of `samples` with `each` unknowns."""
+def empty(samples: int, each: int, parameters: int, spare: Factor | None = None) -> Normal:
+    """Nothing known yet of `samples` with `each` unknowns; in the memory of a factor of the same size that is not needed any more."""
     n, e, p = samples, each, parameters
-    return Normal(
-        np.zeros((n, SPAN, e, e)),
-        np.zeros((n, e, p)),
-        np.zeros((p, p)),
-        np.zeros((n, e)),
-        np.zeros(p),
-    )
+    if spare is not None and spare.Y.shape == (n, e, p):
+        A, B = spare.L, spare.Y
+        A[...], B[...] = 0.0, 0.0
+    else:
+        A, B = np.zeros((n, SPAN, e, e)), np.zeros((n, e, p))
+    return Normal(A, B, np.zeros((p, p)), np.zeros((n, e)), np.zeros(p))
 
 
 def add_terms(normal: Normal, terms: Terms) -> None:
@@ -71,7 +71,7 @@ def add_terms(normal: Normal, terms: Terms) -> None:
         terms.r,
         terms.by_turns,
         terms.by_parameters,
-        terms.cols,
+        _find_column_runs(terms.cols),
         normal.A,
         normal.B,
         normal.a,
@@ -82,15 +82,61 @@ def add_terms(normal: Normal, terms: Terms) -> None:
         normal.c[terms.cols] += flat.T @ terms.r.ravel()
 
 
+def add_everything(normal: Normal, terms: Iterable[Terms], priors: tuple[Array, Array]) -> float:
+    """Add residuals, and those of the first parameters alone with their derivatives (m,), (m, own), in place; half the sum of their squares."""
+    (r, K), own = priors, priors[1].shape[1]
+    total = 0.5 * float((r**2).sum())
+    for one in terms:
+        add_terms(normal, one)
+        total += 0.5 * float((one.r**2).sum())
+    normal.C[:own, :own] += K.T @ K
+    normal.c[:own] += K.T @ r
+    return total
+
+
+def with_gradient(
+    normal: Normal, terms: Iterable[Terms], priors: tuple[Array, Array]
+) -> tuple[Normal, float]:
+    """The same equations with the gradient of residuals as of `add_everything`; half the sum of their squares."""
+    (r, K), a, c = priors, np.zeros_like(normal.a), np.zeros_like(normal.c)
+    total = 0.5 * float((r**2).sum())
+    c[: K.shape[1]] = K.T @ r
+    for one in terms:
+        T, e = len(one.r), a.shape[1]
+        by = np.matmul(one.r[:, None], one.by_turns).reshape(T, one.knots, e)
+        for knot in range(one.knots):
+            a[one.first + knot : one.first + knot + T] += by[:, knot]
+        if len(one.cols):
+            c[one.cols] += one.by_parameters.reshape(-1, len(one.cols)).T @ one.r.ravel()
+        total += 0.5 * float((one.r**2).sum())
+    return replace(normal, a=a, c=c), total
+
+
+def _find_column_runs(cols: Indices) -> Indices:
+    """Runs (m, 3) of consecutive columns: their first and last place among `cols`, and the first of them."""
+    starts = np.flatnonzero(np.diff(cols, prepend=-2) != 1)
+    return np.stack([starts, np.append(starts, len(cols))[1:], cols[starts]], axis=1)
+
+
 def factorise(normal: Normal, damping: float = 0.0) -> Factor:
     """The diagonal grows by the factor 1 + damping. LinAlgError where the unknowns are not observable."""
     L, Y, schur = eliminate_trajectory(normal, damping)
     return Factor(L, Y, invert(schur))
 
 
+def factorise_in_place(normal: Normal, damping: float = 0.0) -> Factor:
+    """The same in the memory of A and B, which are lost."""
+    return Factor(normal.A, normal.B, invert(_eliminate(normal, damping)))
+
+
 def eliminate_trajectory(normal: Normal, damping: float = 0.0) -> tuple[Array, Array, Array]:
     """L and Y of `Factor`, and the Schur complement of the parameters (P, P). LinAlgError where the trajectory is not observable."""
-    L, Y, C = normal.A.copy(), normal.B.copy(), normal.C.copy()
+    own = replace(normal, A=normal.A.copy(), B=normal.B.copy())
+    return own.A, own.B, _eliminate(own, damping)
+
+
+def _eliminate(normal: Normal, damping: float) -> Array:
+    L, Y, C = normal.A, normal.B, normal.C.copy()
     diagonal = np.arange(L.shape[2])
     L[:, 0, diagonal, diagonal] *= 1 + damping
     C[np.diag_indices_from(C)] *= 1 + damping
@@ -99,7 +145,7 @@ def eliminate_trajectory(normal: Normal, damping: float = 0.0) -> tuple[Array, A
     if not sound[0]:
         raise np.linalg.LinAlgError("the readings do not tell the trajectory")
     flat = Y.reshape(-1, Y.shape[2])
-    return L, Y, C - flat.T @ flat
+    return np.asarray(C - flat.T @ flat)
 
 
 def invert(schur: Array) -> Array:
@@ -155,28 +201,52 @@ def whiten(factor: Factor, B: Array) -> Array:
 
 @looped
 def _gather(
-    first: int, knots: int, r: Array, J: Array, K: Array, cols: Array, A: Array, B: Array, a: Array
+    first: int,
+    knots: int,
+    r: Array,
+    J: Array,
+    K: Array,
+    runs: Indices,
+    A: Array,
+    B: Array,
+    a: Array,
 ) -> None:
-    e, p = A.shape[2], cols.shape[0]
-    by_turns, by_parameters = np.empty(knots * e), np.empty(p)
+    """Three residuals at a time: of a joint, a hinge or a sensor, most of whose derivatives are zero."""
+    e, rows = A.shape[2], J.shape[1]
+    by_turns, by_parameters = np.empty(knots * e), np.empty(K.shape[2])
     for t in range(J.shape[0]):
         for i in range(J.shape[2]):
             block, row, by_residual = i // e, i % e, 0.0
-            by_turns[:], by_parameters[:] = 0.0, 0.0
-            for m in range(J.shape[1]):
-                v = J[t, m, i]
-                if v == 0.0:
+            for j in range((block + 1) * e):
+                by_turns[j] = 0.0
+            for j in range(K.shape[2]):
+                by_parameters[j] = 0.0
+            for m in range(0, rows - 2, 3):
+                u, v, w = J[t, m, i], J[t, m + 1, i], J[t, m + 2, i]
+                if u == 0.0 and v == 0.0 and w == 0.0:
                     continue
                 for j in range((block + 1) * e):
-                    by_turns[j] += v * J[t, m, j]
-                for j in range(p):
-                    by_parameters[j] += v * K[t, m, j]
-                by_residual += v * r[t, m]
+                    by_turns[j] += u * J[t, m, j] + v * J[t, m + 1, j] + w * J[t, m + 2, j]
+                for j in range(K.shape[2]):
+                    by_parameters[j] += u * K[t, m, j] + v * K[t, m + 1, j] + w * K[t, m + 2, j]
+                by_residual += u * r[t, m] + v * r[t, m + 1] + w * r[t, m + 2]
+            for m in range(rows - rows % 3, rows):
+                u = J[t, m, i]
+                for j in range((block + 1) * e):
+                    by_turns[j] += u * J[t, m, j]
+                for j in range(K.shape[2]):
+                    by_parameters[j] += u * K[t, m, j]
+                by_residual += u * r[t, m]
             for other in range(block + 1):
+                there = A[first + t + other, block - other, row]
+                own = by_turns[other * e : (other + 1) * e]
                 for j in range(e):
-                    A[first + t + other, block - other, row, j] += by_turns[other * e + j]
-            for j in range(p):
-                B[first + t + block, row, cols[j]] += by_parameters[j]
+                    there[j] += own[j]
+            for k in range(runs.shape[0]):
+                own = by_parameters[runs[k, 0] : runs[k, 1]]
+                there = B[first + t + block, row, runs[k, 2] : runs[k, 2] + own.shape[0]]
+                for j in range(own.shape[0]):
+                    there[j] += own[j]
             a[first + t + block, row] += by_residual
 
 
@@ -185,14 +255,9 @@ def _factor(L: Array, Y: Array, sound: Array) -> None:
     n, e, P = L.shape[0], L.shape[2], Y.shape[2]
     for t in range(n):
         for back in range(1, min(t, SPAN - 1) + 1):  # what the samples before know
-            F = L[t - back, back]
-            for i in range(e):
-                for k in range(e):
-                    v = F[i, k]
-                    for p in range(P):
-                        Y[t, i, p] -= v * Y[t - back, k, p]
+            _subtract_product(L[t - back, back], Y[t - back], Y[t])
             for ahead in range(SPAN - back):
-                G = L[t - back, back + ahead]
+                G, F = L[t - back, back + ahead], L[t - back, back]
                 for i in range(e):
                     for j in range(e):
                         total = 0.0
@@ -221,12 +286,30 @@ def _factor(L: Array, Y: Array, sound: Array) -> None:
                         total -= G[i, k] * D[j, k]
                     G[i, j] = total / D[j, j]
         for i in range(e):
-            for k in range(i):
-                v = D[i, k]
-                for p in range(P):
-                    Y[t, i, p] -= v * Y[t, k, p]
+            _subtract_rows(D[i], i, Y[t], Y[t, i])
             for p in range(P):
                 Y[t, i, p] /= D[i, i]
+
+
+@inlined
+def _subtract_product(F: Array, Z: Array, Y: Array) -> None:
+    """Takes F Z off Y, in place."""
+    for i in range(F.shape[0]):
+        _subtract_rows(F[i], F.shape[1], Z, Y[i])
+
+
+@inlined
+def _subtract_rows(f: Array, count: int, Z: Array, y: Array) -> None:
+    """Takes f Z off y, of the first rows of Z, in place; four rows at a time are read for one that is written."""
+    P = y.shape[0]
+    for k in range(0, count - 3, 4):
+        u, v, w, x = f[k], f[k + 1], f[k + 2], f[k + 3]
+        for p in range(P):
+            y[p] -= u * Z[k, p] + v * Z[k + 1, p] + w * Z[k + 2, p] + x * Z[k + 3, p]
+    for k in range(count - count % 4, count):
+        u = f[k]
+        for p in range(P):
+            y[p] -= u * Z[k, p]
 
 
 @looped

@@ -125,5 +125,5 @@ def _adjacent_turns(strange: Bools) -> Bools:
 
 def _turn_residuals(problem: Problem, at: Unknowns, first: int, stop: int) -> Array:
     """How sensors turned otherwise than gyroscopes say (m, S, 3) rad."""
-    r = residuals.gyroscope_terms(problem, at, first, stop).r
+    r = residuals.gyroscope_residuals(problem, at, first, stop)
     return np.asarray(r.reshape(len(r), -1, 3) * problem.turn_sd[first : first + len(r), :, None])

@@ -6,14 +6,15 @@ Source  Kortier, thesis ch. 4; his numbers stand at each function
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array, Indices
-from handscope.estimators.self_calibration import soft_tissue
+from handscope.estimators.self_calibration import compiled_terms, soft_tissue
+from handscope.estimators.self_calibration.compiled_terms import Arms, Axes, Motion, Tree, Turns
 from handscope.estimators.self_calibration.problem import (
     Chain,
     Columns,
@@ -49,39 +50,44 @@ class Terms:
 
 def gyroscope_terms(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     """(4.8), (4.17c): between two samples a sensor turns by what its gyroscope read less its bias."""
-    S, c, dt = len(problem.chain.sensors), parameter_columns(problem.chain), problem.dt
-    stop = min(stop, len(problem) - 1)
-    felt = problem.turns[start:stop]
-    phi = (
-        felt
-        + np.einsum("sij,tsj->tsi", at.scale_gyr, felt)
-        - dt * at.bias_gyr
-        + at.delay * problem.later[start:stop]
-    )
-    q_ab = quat.relative(at.q_GS[start:stop], at.q_GS[start + 1 : stop + 1])
-    r = quat.log(quat.multiply(quat.exp(-phi), q_ab))
-    sd = problem.turn_sd[start:stop, :, None]
-    T = len(r)
-    right, left = inverse_jacobian(r), inverse_jacobian(-r)
-    by = np.zeros((T, S, 3, 2, S, 3))
-    by_parameters = np.zeros((T, S, 3, 12 * S + 1))
-    of_phi = -left @ right_jacobian(phi) / sd[..., None]
-    back = -right @ quat.matrix(quat.conjugate(q_ab)) / sd[..., None]
-    for s in range(S):
-        by[:, s, :, 1, s] = right[:, s] / sd[:, s, :, None]
-        by[:, s, :, 0, s] = back[:, s]
-        by_parameters[:, s, :, 3 * s : 3 * s + 3] = -dt * of_phi[:, s]
-        by_parameters[:, s, :, 3 * S + 9 * s : 3 * S + 9 * s + 9] = (
-            of_phi[:, s, :, :, None] * felt[:, s, None, None]
-        ).reshape(T, 3, 9)
-    by_parameters[..., -1] = np.einsum("tsij,tsj->tsi", of_phi, problem.later[start:stop])
+    S, c = len(problem.chain.sensors), parameter_columns(problem.chain)
+    T = max(min(stop, len(problem) - 1) - start, 0)
+    by, by_parameters = np.zeros((T, S, 3, 2, S, 3)), np.zeros((T, S, 3, 12 * S + 1))
+    r = np.empty((T, S, 3))
+    compiled_terms.fill_turns(_turns(problem, at, start, start + T), r, by, by_parameters)
     return Terms(
         start,
         2,
-        (r / sd).reshape(T, 3 * S),
+        r.reshape(T, 3 * S),
         by.reshape(T, 3 * S, 6 * S),
         by_parameters.reshape(T, 3 * S, 12 * S + 1),
         _column_indices(c.bias_gyr, c.scale_gyr, c.delay),
+    )
+
+
+def gyroscope_residuals(problem: Problem, at: Unknowns, start: int, stop: int) -> Array:
+    """The residuals (T, 3 S) of `gyroscope_terms` alone."""
+    T = max(min(stop, len(problem) - 1) - start, 0)
+    r = np.empty((T, len(problem.chain.sensors), 3))
+    compiled_terms.fill_turns(
+        _turns(problem, at, start, start + T),
+        r,
+        np.empty((0, 0, 3, 2, 0, 3)),
+        np.empty((0, 0, 3, 0)),
+    )
+    return r.reshape(T, 3 * r.shape[1])
+
+
+def _turns(problem: Problem, at: Unknowns, start: int, stop: int) -> Turns:
+    felt, later = problem.turns[start:stop], problem.later[start:stop]
+    corrected = (
+        felt
+        + np.einsum("sij,tsj->tsi", at.scale_gyr, felt)
+        - problem.dt * at.bias_gyr
+        + at.delay * later
+    )
+    return Turns(
+        at.q_GS[start : stop + 1], felt, corrected, later, problem.turn_sd[start:stop], problem.dt
     )
 
 
@@ -92,67 +98,53 @@ def joint_acceleration_terms(problem: Problem, at: Unknowns, start: int, stop: i
     differentiated, gravity cancels. A sensor's noise is seen by all of its joints: the rows of a sample are whitened together. Noise grows with the accelerometers' common
     scale: without that a small world would look like a quiet one.
     """
-    chain, c, dt = problem.chain, parameter_columns(problem.chain), problem.dt
+    chain, c = problem.chain, parameter_columns(problem.chain)
     start, stop = max(start, 1), min(stop, len(problem) - 1)
-    T, J, S = stop - start, len(chain.joints), len(chain.sensors)
-    samples, swing = np.arange(start - 1, stop + 1), SECOND_DIFFERENCE / dt**2
-    R, read = quat.matrix(at.q_GS[samples]), problem.acc[samples]
-    by = np.zeros((T, J, 3, 3, S, 3))
-    by_parameters = np.zeros((T, J, 3, 15 * J + 12 * S))
-    felt = sum_over_three(NUMEROV, R)
-    scaled = sum_over_three(NUMEROV, R[..., None] * read[:, :, None, None]).reshape(T, S, 3, 9)
-    pulling = R @ quat.skew(_specific_force(at, read))
-    pulled, pull = (
-        [_sensor_displacement(problem, at, s, samples) for s in range(S)],
-        _response_derivatives(problem, at, samples),
-    )
-    for k in range(J):
-        for sign, s, still, place in (
-            (1.0, chain.children[k], at.near[k], 3 * J + 3 * k),
-            (-1.0, chain.parents[k], at.far[k], 3 * k),
-        ):
-            swinging = R[:, s] @ quat.skew(soft_tissue.place_in_sensor(pulled[s], still))
-            for knot in range(3):
-                three = slice(knot, knot + T)
-                by[:, k, :, knot, s] = -sign * (
-                    swing[knot] * swinging[three] + NUMEROV[knot] * pulling[three, s]
-                )
-            carried = R[:, s] @ pulled[s].back
-            by_parameters[:, k, :, place : place + 3] = sign * sum_over_three(swing, carried)
-            by_parameters[:, k, :, 15 * J + 3 * s : 15 * J + 3 * s + 3] = -sign * felt[:, s]
-            by_parameters[:, k, :, 15 * J + 3 * S + 9 * s : 15 * J + 3 * S + 9 * s + 9] = (
-                sign * scaled[:, s]
-            )
-            for m in np.flatnonzero(chain.children == s):
-                bent = pulled[s].bent[..., None]
-                by_turn = sum_over_three(
-                    swing, R[:, s] @ (bent * soft_tissue.place_by_turn(pulled[s], still))
-                )
-                by_parameters[:, k, :, 6 * J + 3 * m : 6 * J + 3 * m + 3] = sign * by_turn
-                by_parameters[:, k, :, 9 * J + 3 * m : 9 * J + 3 * m + 3] = -sign * sum_over_three(
-                    swing, bent * carried
-                )
-                by_bent = soft_tissue.place_by_flexion(
-                    pulled[s], at.skin_turn[m], at.skin_slide[m], still
-                )
-                by_pull = sign * sum_over_three(
-                    swing, R[:, s] @ (by_bent[..., None] * pull[:, m, None])
-                )  # by tilt and law
-                by_parameters[:, k, :, 12 * J + 2 * m : 12 * J + 2 * m + 2] = by_pull[..., :2]
-                by_parameters[:, k, :, 14 * J + m] = by_pull[..., 2]
-    L = whitening_matrix(problem, start, stop)
+    T, J, S = max(stop - start, 0), len(chain.joints), len(chain.sensors)
+    samples = np.arange(start - 1, start + T + 1)
+    by_turns, by_parameters = np.empty((T, J, 3, 9 * S)), np.empty((T, J, 3, 15 * J + 12 * S))
     r, grown = joint_acceleration_residuals(problem, at, start, stop), common_scale(at)
-    mixed = [
-        (L @ x.reshape(T, J, 3 * size)).reshape(T, 3 * J, size) / grown
-        for x, size in ((by, 9 * S), (by_parameters, 15 * J + 12 * S))
-    ]
-    mixed[1][..., 15 * J + 3 * S :] -= (
-        r[..., None] * np.tile(np.eye(3).ravel(), S) / (3 * S * grown)
+    compiled_terms.fill_joint_accelerations(
+        tree(chain),
+        motion(problem, at, samples),
+        Arms(at.far, at.near, at.skin_turn, at.skin_slide),
+        np.stack([SECOND_DIFFERENCE / problem.dt**2, NUMEROV]),
+        whitening_matrix(problem, start, stop) / grown,
+        by_turns,
+        by_parameters,
     )
+    mixed = by_parameters.reshape(T, 3 * J, 15 * J + 12 * S)
+    mixed[..., 15 * J + 3 * S :] -= r[..., None] * np.tile(np.eye(3).ravel(), S) / (3 * S * grown)
     cols = _column_indices(
         c.far, c.near, c.skin_turn, c.skin_slide, c.tilt, c.law, c.bias_acc, c.scale_acc
     )
-    return Terms(start - 1, 3, r, mixed[0], mixed[1], cols)
+    return Terms(start - 1, 3, r, by_turns.reshape(T, 3 * J, 9 * S), mixed, cols)
+
+
+def tree(chain: Chain) -> Tree:
+    """The chain as compiled loops take it."""
+    before = np.full(len(chain.sensors), -1, np.intp)
+    before[chain.children] = np.arange(len(chain.joints))
+    return Tree(chain.parents, chain.children, before)
+
+
+def motion(problem: Problem, at: Unknowns, samples: Indices) -> Motion:
+    """The sensors at these samples."""
+    S, read = len(problem.chain.sensors), problem.acc[samples]
+    bent = soft_tissue.tissue_response(joint_flexion(problem, at, samples), at.law)
+    turn, slide = np.zeros((2, len(samples), S, 3))
+    turn[:, problem.chain.children] = bent[..., None] * at.skin_turn
+    slide[:, problem.chain.children] = bent[..., None] * at.skin_slide
+    return Motion(
+        quat.matrix(at.q_GS[samples]),
+        read,
+        _specific_force(at, read),
+        bent,
+        _response_derivatives(problem, at, samples),
+        quat.matrix(quat.exp(-turn)),
+        slide,
+        right_jacobian(-turn),
+    )
 
 
 def joint_acceleration_residuals(problem: Problem, at: Unknowns, start: int, stop: int) -> Array:
@@ -227,49 +219,10 @@ def whitening_matrix(problem: Problem, start: int, stop: int) -> Array:
 def hinge_terms(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
     """(4.10a), (4.13): both segments of a hinge have its axis in common."""
     chain, c = problem.chain, parameter_columns(problem.chain)
-    stop = min(stop, len(problem))
-    T, H, S, sd = (
-        stop - start,
-        len(chain.hinges),
-        len(chain.sensors),
-        np.radians(problem.noise.hinge),
-    )
-    R = quat.matrix(at.q_GS[start:stop])
-    J, samples = len(chain.joints), np.arange(start, stop)
-    pull = _response_derivatives(problem, at, samples)
-    r, by, by_parameters = (
-        np.zeros((T, H, 3)),
-        np.zeros((T, H, 3, S, 3)),
-        np.zeros((T, H, 3, 4 * H + 6 * J)),
-    )
-    for h, joint in enumerate(chain.hinges):
-        for sign, s, still, own in (
-            (1.0 / sd, chain.parents[joint], at.axis_far[h], 2 * h),
-            (-1.0 / sd, chain.children[joint], at.axis_near[h], 2 * H + 2 * h),
-        ):
-            pulled = replace(
-                _sensor_displacement(problem, at, int(s), samples), slide=np.zeros((T, 3))
-            )  # a direction is the same everywhere
-            axis = soft_tissue.place_in_sensor(pulled, still)
-            r[:, h] += sign * np.einsum("tij,tj->ti", R[:, s], axis)
-            by[:, h, :, s] = -sign * R[:, s] @ quat.skew(axis)
-            by_parameters[:, h, :, own : own + 2] = (
-                sign * R[:, s] @ pulled.back @ tangents(still[None])[0]
-            )
-            for m in np.flatnonzero(chain.children == s):
-                by_turn, place = soft_tissue.place_by_turn(pulled, still), 4 * H + 3 * J + 2 * m
-                by_parameters[:, h, :, 4 * H + 3 * m : 4 * H + 3 * m + 3] = (
-                    sign * pulled.bent[..., None] * R[:, s] @ by_turn
-                )
-                by_bent = (
-                    sign
-                    * R[:, s]
-                    @ soft_tissue.place_by_flexion(pulled, at.skin_turn[m], np.zeros(3), still)[
-                        ..., None
-                    ]
-                )
-                by_parameters[:, h, :, place : place + 2] = by_bent * pull[:, m, None, :2]
-                by_parameters[:, h, :, 4 * H + 5 * J + m] = by_bent[..., 0] * pull[:, m, 2:]
+    T, H = max(min(stop, len(problem)) - start, 0), len(chain.hinges)
+    J, S = len(chain.joints), len(chain.sensors)
+    by, by_parameters = np.zeros((T, H, 3, S, 3)), np.zeros((T, H, 3, 4 * H + 6 * J))
+    r = _fill_hinges(problem, at, np.arange(start, start + T), by, by_parameters)
     cols = _column_indices(c.axis_far, c.axis_near, c.skin_turn, c.tilt, c.law)
     return Terms(
         start,
@@ -279,6 +232,37 @@ def hinge_terms(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
         by_parameters.reshape(T, 3 * H, 4 * H + 6 * J),
         cols,
     )
+
+
+def hinge_residuals(problem: Problem, at: Unknowns, start: int, stop: int) -> Array:
+    """The residuals (T, 3 H) of `hinge_terms` alone."""
+    samples = np.arange(start, max(min(stop, len(problem)), start))
+    r = _fill_hinges(problem, at, samples, np.empty((0, 0, 3, 0, 3)), np.empty((0, 0, 3, 0)))
+    return r.reshape(len(r), 3 * r.shape[1])
+
+
+def _fill_hinges(
+    problem: Problem, at: Unknowns, samples: Indices, by_turns: Array, by_parameters: Array
+) -> Array:
+    """Residuals (T, H, 3); fills the derivatives."""
+    r = np.empty((len(samples), len(problem.chain.hinges), 3))
+    compiled_terms.fill_hinges(
+        tree(problem.chain),
+        motion(problem, at, samples),
+        Axes(
+            problem.chain.hinges,
+            at.axis_far,
+            at.axis_near,
+            tangents(at.axis_far),
+            tangents(at.axis_near),
+        ),
+        at.skin_turn,
+        float(np.radians(problem.noise.hinge)),
+        r,
+        by_turns,
+        by_parameters,
+    )
+    return r
 
 
 def mean_acceleration_terms(problem: Problem, at: Unknowns, start: int, stop: int) -> Terms:
@@ -337,6 +321,19 @@ def initial_orientation_terms(problem: Problem, at: Unknowns, start: int, stop: 
         np.empty((T, 3 * S, 0)),
         np.empty(0, np.intp),
     )
+
+
+def residuals_alone(
+    kind: Callable[[Problem, Unknowns, int, int], Terms],
+) -> Callable[[Problem, Unknowns, int, int], Array]:
+    """What gives the residuals (T, m) of a kind without their derivatives, which are most of the work."""
+    if kind is gyroscope_terms:
+        return gyroscope_residuals
+    if kind is joint_acceleration_terms:
+        return joint_acceleration_residuals
+    if kind is hinge_terms:
+        return hinge_residuals
+    return lambda *where: kind(*where).r
 
 
 EVERY_SAMPLE: tuple[Callable[[Problem, Unknowns, int, int], Terms], ...] = (

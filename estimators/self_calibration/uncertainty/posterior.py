@@ -154,7 +154,7 @@ def turn_deviations(problem: Problem, at: Unknowns) -> Array:
     """How far each sensor turned otherwise than its gyroscope says (n-1, S), in the gyroscope's standard deviations."""
     deviations = np.empty(problem.turn_sd.shape)
     for start in range(0, len(deviations), CHUNK):
-        r = residuals.gyroscope_terms(problem, at, start, start + CHUNK).r
+        r = residuals.gyroscope_residuals(problem, at, start, start + CHUNK)
         deviations[start : start + len(r)] = np.linalg.norm(
             r.reshape(len(r), -1, 3), axis=2
         ) / np.sqrt(3)
@@ -167,7 +167,7 @@ def acceleration_deviations(problem: Problem, at: Unknowns) -> Array:
     z = np.zeros((n, a.shape[1]))
     for start in range(1, n - 1, CHUNK):
         stop = min(start + CHUNK, n - 1)
-        white = residuals.joint_acceleration_terms(problem, at, start, stop).r.reshape(
+        white = residuals.joint_acceleration_residuals(problem, at, start, stop).reshape(
             stop - start, a.shape[0], 3
         )
         seen = (

@@ -5,7 +5,7 @@ Out     increments, covariance of the parameters, draws; time and memory grow li
 Source  Cholesky of a block-tridiagonal matrix: Golub & Van Loan, 4.5; Schur complement: Triggs et al. 2000, 6.1
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -14,6 +14,7 @@ from scipy.linalg import blas, lapack
 
 from handscope.estimators.numerics import parallel
 from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.jit import looped
 from handscope.estimators.numerics.parallel import Each
 from handscope.estimators.numerics.typing import Array, Indices
 from handscope.estimators.self_calibration import normal_equations, residuals
@@ -55,7 +56,6 @@ class HandFactor:
     L: Array  # (K, 2 each, 2 each)
     below: Array  # (K, 2 each, 2 each) in the rows of pair k + 1 and the columns of pair k
     covariance: Array  # (P, P)
-    parameters: Array  # (P,) their increment towards the minimum
 
 
 def build_normal_equations(problem: HandProblem, at: HandPlace) -> HandNormal:
@@ -80,14 +80,24 @@ def _limb_equations(problem: HandProblem, at: HandPlace, k: int) -> tuple[Normal
     """The normal equations of limb k, and its share of the cost."""
     limb, cols = problem.limbs[k], whole_hand_problem.layout(problem).parameters[k]
     normal = normal_equations.empty(len(limb), 3 * len(limb.chain.sensors) + OWN, len(cols))
-    r, K = limb_priors(limb, at.limbs[k], shares=k == 0)
-    total, own = 0.5 * float((r**2).sum()), K.shape[1]
-    for terms in terms_of(problem, at, k):
-        normal_equations.add_terms(normal, terms)
-        total += 0.5 * float((terms.r**2).sum())
-    normal.C[:own, :own] += K.T @ K
-    normal.c[:own] += K.T @ r
-    return normal, total
+    priors = limb_priors(limb, at.limbs[k], shares=k == 0)
+    return normal, normal_equations.add_everything(normal, terms_of(problem, at, k), priors)
+
+
+def with_gradient(normal: HandNormal, problem: HandProblem, at: HandPlace) -> HandNormal:
+    """The same equations with the gradient, and the cost, of another place."""
+    (off, skin_sd), sd = hand_tissue_priors(problem, at), normal.error_sd
+    c, limbs = np.zeros(normal.layout.count), []
+    c[normal.layout.skin] = off / skin_sd
+    total = 0.5 * float(((at.error / sd[:, None]) ** 2).sum() + (off**2).sum())
+    for k, (limb, cols) in enumerate(zip(normal.limbs, normal.layout.parameters)):
+        priors = limb_priors(problem.limbs[k], at.limbs[k], shares=k == 0)
+        there, own = normal_equations.with_gradient(limb, terms_of(problem, at, k), priors)
+        limbs.append(there)
+        c[cols] += there.c
+        total += own
+    error = at.error / sd[:, None] ** 2
+    return replace(normal, limbs=tuple(limbs), error=error, c=c, cost=total)
 
 
 def cost(problem: HandProblem, at: HandPlace) -> float:
@@ -174,7 +184,8 @@ def _residuals_only(
             start,
             stop,
         )[0]
-    return _drop_shared_rows(kind(limb, place, start, stop), kind, k).r
+    r = residuals.residuals_alone(kind)(limb, place, start, stop)
+    return r if k == 0 or kind is residuals.hinge_terms else r[:, 3:]  # as `_drop_shared_rows`
 
 
 def _joint_residuals(
@@ -291,41 +302,32 @@ def factorise(normal: HandNormal, damping: float = 0.0) -> HandFactor:
     where, E = normal.layout, PAIR * normal.layout.each
     P, K = where.count, -(-len(normal.error) // PAIR)
     L, below = np.zeros((K, E, E)), np.zeros((K, E, E))
-    known, last = np.zeros((P + 1, P + 1)), np.zeros((E, P + 1))
-    halves, quarters = _slices(P + 1, 2), _slices(P + 1, 4)
-    products = [(rows, cols) for i, rows in enumerate(quarters) for cols in quarters[i:]]
+    known, last = np.zeros((P, P)), np.zeros((E, P))
+    first, second = halves = slice(0, P // 2), slice(P // 2, P)
+    products = [((first, first), (second, second)), ((first, second),)]
     with parallel.threads() as each:
         for k in range(0, K, TOGETHER):
             D, border = _fill_blocks(normal, k, below[k : k + TOGETHER], damping, each)
-            back = _root_band(D, L, below, k)
+            _root_band(D, L, below, k)
             before = below[
                 np.arange(k, k + len(D)) - 1
             ]  # before the first is nothing: there `last` is zero
-            each(partial(_whiten, border, last, before, back), halves)
-            each(partial(_multiply, border.reshape(-1, P + 1), known), products)
+            each(partial(_whiten, border, last, before, L[k : k + len(D)]), halves)
+            each(partial(_multiply, border.reshape(-1, P), known), products)
             last = border[-1]
     known = np.triu(known) + np.triu(known, 1).T
     C = normal.C.copy()
     C[np.diag_indices_from(C)] *= 1 + damping
-    covariance = normal_equations.invert(C - known[:P, :P])
-    return HandFactor(where, L, below, covariance, covariance @ (known[:P, P] - normal.c))
+    return HandFactor(where, L, below, normal_equations.invert(C - known))
 
 
-def _slices(size: int, count: int) -> list[slice]:
-    ends = np.linspace(0, size, count + 1).astype(int)
-    return [slice(first, stop) for first, stop in zip(ends, ends[1:])]
-
-
-def _root_band(D: Array, L: Array, below: Array, first: int) -> Array:
-    """Fills L and what is below it for the pairs from `first` on; gives the inverses of L's blocks (m, E, E): with them to multiply is faster than to solve."""
-    back = np.empty_like(D)
+def _root_band(D: Array, L: Array, below: Array, first: int) -> None:
+    """Fills L and what is below it for the pairs from `first` on."""
     for j, k in enumerate(range(first, first + len(D))):
         if k:
             D[j] -= below[k - 1] @ below[k - 1].T
         L[k] = _root(D[j])
-        back[j] = lapack.dtrtri(L[k].T, lower=0)[0].T
-        below[k] = below[k] @ back[j].T
-    return back
+        below[k] = blas.dtrsm(1.0, L[k].T, below[k].T, lower=0, trans_a=1).T
 
 
 def _root(D: Array) -> Array:
@@ -335,59 +337,86 @@ def _root(D: Array) -> Array:
     return np.asarray(upper.T)
 
 
-def _whiten(border: Array, last: Array, before: Array, back: Array, cols: slice) -> None:
-    """Columns of [B, a] (m, E, P + 1) become those of L^-1 [B, a], in place; `last` (E, P + 1) are those of the pair before them."""
-    known = last[:, cols]
-    for own, below, inverse in zip(border[:, :, cols], before, back):
-        own[...] = inverse @ (own - below @ known)
-        known = own
+def _whiten(border: Array, last: Array, before: Array, L: Array, cols: slice) -> None:
+    """Columns of B (m, E, P) become those of L^-1 B, in place; `last` (E, P) are those of the pair before them."""
+    known, half = np.ascontiguousarray(last[:, cols]), border.shape[1] // PAIR
+    for own, below, root in zip(border[:, :, cols], before, L):
+        rest = own.copy()
+        rest[:half] -= below[:half] @ known
+        rest[half:] -= below[half:, half:] @ known[half:]  # a pair's last sample sees one of them
+        known = blas.dtrsm(1.0, root.T, rest.T, side=1, lower=0, overwrite_b=1).T
+        own[...] = known
 
 
-def _multiply(border: Array, known: Array, where: tuple[slice, slice]) -> None:
-    """Adds a block of border' border, in place."""
-    rows, cols = where
-    known[rows, cols] += border[:, rows].T @ border[:, cols]
+def _multiply(border: Array, known: Array, where: Sequence[tuple[slice, slice]]) -> None:
+    """Adds blocks of border' border, in place."""
+    for rows, cols in where:
+        known[rows, cols] += border[:, rows].T @ border[:, cols]
 
 
 def _fill_blocks(
     normal: HandNormal, k: int, below: Array, damping: float, each: Each
 ) -> tuple[Array, Array]:
-    """Blocks of the pairs from k on (m, E, E), lower triangles, and of the border with the gradient (m, E, P + 1); fills what is below them."""
+    """Blocks of the pairs from k on (m, E, E), lower triangles, and of the border (m, E, P); fills what is below them."""
     m, e, P = len(below), normal.layout.each, normal.layout.count
-    D, B = np.zeros((m, PAIR, e, PAIR, e)), np.zeros((m, PAIR, e, P + 1))
+    D, B = np.zeros((m, PAIR, e, PAIR, e)), np.zeros((m, PAIR, e, P))
     each(partial(_fill_half, normal, k, D, B, below.reshape(m, PAIR, e, PAIR, e)), range(PAIR))
     whole, diagonal = D.reshape(m, PAIR * e, PAIR * e), np.arange(PAIR * e)
     whole[:, diagonal, diagonal] *= 1 + damping
-    return whole, B.reshape(m, PAIR * e, P + 1)
+    return whole, B.reshape(m, PAIR * e, P)
 
 
 def _fill_half(normal: HandNormal, k: int, D: Array, B: Array, under: Array, half: int) -> None:
     """The first or the second samples of the pairs from k on, in place."""
     where, n, (m, _, e, _, _) = normal.layout, len(normal.error), D.shape
-    t = np.arange(PAIR * k + half, min(PAIR * (k + m), n), PAIR)
-    pairs, error = np.arange(len(t)), np.arange(e)[where.error]
+    first, stop = PAIR * k + half, min(PAIR * (k + m), n)
+    t, pairs = np.arange(first, stop, PAIR), np.arange(len(range(first, stop, PAIR)))
+    error = np.arange(e)[where.error]
     for limb, rows, cols in zip(normal.limbs, where.sample, where.parameters):
-        across = (pairs[:, None, None], rows[:, None], rows)
-        D[:, half, :, half][across] += limb.A[t, 0]
-        (D[:, 1, :, 0] if half == 0 else under[:, 0, :, 1])[across] += limb.A[t, 1]
-        under[:, half, :, half][across] += limb.A[t, 2]
-        B[:, half][pairs[:, None, None], rows[:, None], cols] += limb.B[t]
-        B[:, half, :, -1][pairs[:, None], rows] += limb.a[t]
+        _scatter((limb.A, limb.B), rows, cols, first, stop, (D, B, under))
     D[:, half, :, half][pairs[:, None], error, error] += 1 / normal.error_sd[t, None] ** 2
-    B[:, half, :, -1][pairs[:, None], error] += normal.error[t]
     D[len(t) :, half, np.arange(e), half, np.arange(e)] = (
         1.0  # no sample: the last pair of an odd number
     )
 
 
+@looped
+def _scatter(
+    limb: tuple[Array, Array],
+    rows: Indices,
+    cols: Indices,
+    first: int,
+    stop: int,
+    whole: tuple[Array, Array, Array],
+) -> None:
+    """Blocks of a limb's every second sample to those of the whole, in place."""
+    (A, B), (D, border, under) = limb, whole
+    for k in range((stop - first + 1) // 2):
+        t = first + 2 * k
+        half = t % 2
+        for i in range(rows.shape[0]):
+            for j in range(rows.shape[0]):
+                D[k, half, rows[i], half, rows[j]] += A[t, 0, i, j]
+                if half == 0:
+                    D[k, 1, rows[i], 0, rows[j]] += A[t, 1, i, j]
+                else:
+                    under[k, 0, rows[i], 1, rows[j]] += A[t, 1, i, j]
+                under[k, half, rows[i], half, rows[j]] += A[t, 2, i, j]
+            for j in range(cols.shape[0]):
+                border[k, half, rows[i], cols[j]] += B[t, i, j]
+
+
 def solve_step(normal: HandNormal, factor: HandFactor) -> Step:
-    """Where the minimum of the quadratic model lies from here."""
-    rhs = -_border_product(normal, factor.parameters)
+    """Where the minimum of the quadratic model lies from here; the factor may be of equations elsewhere."""
+    gradient = np.zeros((len(normal.error), normal.layout.each))
     for limb, rows in zip(normal.limbs, normal.layout.sample):
-        rhs[:, rows] -= limb.a
-    rhs[:, normal.layout.error] -= normal.error
+        gradient[:, rows] += limb.a
+    gradient[:, normal.layout.error] += normal.error
+    pulled = project_on_parameters(normal, factor, gradient[None])[0]
+    parameters = factor.covariance @ (pulled - normal.c)
+    rhs = -gradient - _border_product(normal, parameters)
     x = _backward(factor, _forward(factor, _pair_samples(rhs[None])))
-    return Step(_split_pairs(x, normal)[0], factor.parameters)
+    return Step(_split_pairs(x, normal)[0], parameters)
 
 
 def draw_steps(

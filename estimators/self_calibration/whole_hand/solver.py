@@ -15,6 +15,7 @@ from handscope.estimators.self_calibration import normal_equations
 from handscope.estimators.self_calibration.problem import Noise, Unknowns, parameter_columns
 from handscope.estimators.self_calibration.solver import (
     Limits,
+    Linearised,
     Outcome,
     ProblemOps,
     Solution,
@@ -113,14 +114,23 @@ def _with_covariance(
     return covariance + np.diag(variances)
 
 
-def _linearise(problem: HandProblem, at: HandPlace) -> tuple[float, Callable[[float], HandPlace]]:
+def _linearise(problem: HandProblem, at: HandPlace) -> Linearised[HandProblem, HandPlace]:
     normal = hand_equations.build_normal_equations(problem, at)
+    last: list[HandFactor] = []
 
-    def stepped(damping: float) -> HandPlace:
-        step = hand_equations.solve_step(normal, hand_equations.factorise(normal, damping))
+    def damped(damping: float) -> HandPlace:
+        last[:] = [hand_equations.factorise(normal, damping)]
+        step = hand_equations.solve_step(normal, last[0])
         return whole_hand_problem.apply_hand_increment(at, problem, step.turns, step.parameters)
 
-    return normal.cost, stepped
+    def chord(other: HandProblem, there: HandPlace) -> tuple[float, HandPlace]:
+        gradient = hand_equations.with_gradient(normal, other, there)
+        step = hand_equations.solve_step(gradient, last[0])
+        return gradient.cost, whole_hand_problem.apply_hand_increment(
+            there, other, step.turns, step.parameters
+        )
+
+    return Linearised(normal.cost, damped, chord)
 
 
 def split_limbs(solution: HandSolution) -> list[Solution]:
