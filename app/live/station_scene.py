@@ -26,6 +26,7 @@ INCLINED_INTERVAL = (
     1 / 30
 )  # s, the same while nothing is calibrated: the mean over a quarter of a second moves slowly
 PICTURE_INTERVAL = 1 / 60  # s, least time between two pictures; more where the tracker is behind
+UNSEEN_INTERVAL = 0.25  # s, the same while no page shows the scene: drawing is half of what a station without a viewer costs
 MEASURED = (
     State.TASK_READY,
     State.COUNTDOWN,
@@ -72,6 +73,8 @@ class StationScene:
 
     def draw_hand_if_due(self, interval: float) -> None:
         """Draw the newest pose where the last picture is older than `interval` s."""
+        if not self._process.viewers:
+            interval = max(interval, UNSEEN_INTERVAL)
         if time.monotonic() - self._drawn_at >= interval:
             self._draw_hand()
 

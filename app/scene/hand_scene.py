@@ -274,6 +274,11 @@ class HandScene:
             if text and text != self._caption.text:
                 self._caption.text = text
 
+    @property
+    def viewers(self) -> int:
+        """How many pages are connected."""
+        return len(self._server.get_clients())
+
     def as_html(self) -> str:
         """The scene as it stands, a page of its own that needs no server."""
         page: str = self._server.get_scene_serializer().as_html()

@@ -39,6 +39,7 @@ class SceneProcess:
         self._gathering = 0  # open `picture` contexts
         self._pipe: Connection | None = None
         self._behind = 0  # pictures sent and not yet drawn
+        self.viewers = 0  # pages that were connected when the last picture was drawn
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="scene", daemon=True)
 
@@ -117,7 +118,7 @@ class SceneProcess:
             return
         with suppress(OSError, EOFError):  # it died: another will get everything
             while self._behind and self._pipe.poll():
-                self._pipe.recv_bytes()
+                self.viewers = int(self._pipe.recv_bytes())
                 self._behind -= 1
             if self._behind < AHEAD:
                 self._pipe.send(list(self._waiting.items()))
@@ -152,7 +153,7 @@ class SceneProcess:
 
     def _disconnect(self) -> None:
         with self._lock:
-            self.port, self.secret = 0, ""
+            self.port, self.secret, self.viewers = 0, "", 0
             pipe, self._pipe = self._pipe, None
             if pipe is not None:
                 pipe.close()
@@ -165,7 +166,7 @@ def _draw(pipe: Connection, hand: Hand, geometry: HandGeometry) -> None:
         pipe.send((scene.port, scene.secret))
         while True:
             scene.in_its_thread(partial(_carry_out, scene, pipe.recv()))
-            pipe.send_bytes(b"drawn")
+            pipe.send_bytes(b"%d" % scene.viewers)
 
 
 def _carry_out(scene: HandScene, requests: list[tuple[str, tuple[Any, ...]]]) -> None:

@@ -118,7 +118,7 @@ def test_a_viewer_cannot_open_a_public_tunnel(
         server.on_client_connect(lambda _: seen.set())
         viewer.send(msgspec.msgpack.encode({"type": "ShareUrlRequest"}))
         viewer.send(
-            msgspec.msgpack.encode(_CAMERA)
+            msgspec.msgpack.encode(CAMERA)
         )  # answered after the request, which viser handles in its order
         assert seen.wait(10)
         if guarded:
@@ -158,7 +158,7 @@ def test_what_was_drawn_is_kept_under_low_numbers_when_the_last_viewer_leaves() 
         kept = {m.redundancy_key(): m for m in buffer.message_from_id.values()}
         assert buffer.message_counter > 20 * len(kept)
         with connected(scene.port, scene.secret) as viewer:
-            viewer.send(msgspec.msgpack.encode(_CAMERA))
+            viewer.send(msgspec.msgpack.encode(CAMERA))
             eventually(lambda: scene._server.get_clients())
         eventually(lambda: buffer.message_counter == len(kept))
         again = {m.redundancy_key(): m for m in buffer.message_from_id.values()}
@@ -170,7 +170,7 @@ def test_what_was_drawn_is_kept_under_low_numbers_when_the_last_viewer_leaves() 
             assert isinstance(late.recv(timeout=WAIT), bytes)
 
 
-_CAMERA = {
+CAMERA = {
     "type": "ViewerCameraMessage",
     "wxyz": (1.0, 0.0, 0.0, 0.0),
     "position": (0.0, -1.0, 1.0),

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Iterator
 from multiprocessing import active_children
 
+import msgspec
 import pytest
 from websockets.sync.client import ClientConnection
 
@@ -18,7 +19,7 @@ from handscope.estimators.hand.geometry import sized
 from handscope.estimators.numerics.typing import Array
 from tests.app.scene.small_site import WAIT, eventually
 from tests.app.scene.test_bridge import messages_of, turns
-from tests.app.scene.test_loopback_server import connected
+from tests.app.scene.test_loopback_server import CAMERA, connected
 
 
 def bent(angle: float) -> Array:
@@ -60,6 +61,20 @@ def test_what_was_wished_before_the_process_began_is_drawn(apart: SceneProcess) 
     process_of(apart)
     with connected(apart.port, apart.secret) as viewer:
         assert sees(viewer, 0.5)
+
+
+def test_how_many_pages_look_is_known_with_the_next_picture(apart: SceneProcess) -> None:
+    process_of(apart)
+
+    def is_seen_by(viewers: int) -> bool:
+        apart.highlight(None)  # as a station's next tick
+        return apart.viewers == viewers
+
+    eventually(lambda: is_seen_by(0))
+    with connected(apart.port, apart.secret) as viewer:
+        viewer.send(msgspec.msgpack.encode(CAMERA))  # as a page does at once
+        eventually(lambda: is_seen_by(1))
+    eventually(lambda: is_seen_by(0))
 
 
 def test_a_process_that_stands_still_holds_nobody_up_and_then_draws_what_was_wished_last(
