@@ -21,13 +21,15 @@ from tests.journeys.house import (
 pytestmark = pytest.mark.browser
 
 
-def test_the_patient_is_led_on_a_screen_of_their_own(
+def test_the_patient_is_led_on_a_screen_of_their_own_and_shows_both_hands_in_one_visit(
     page_without_scene: Page, newcomer: Page, server: Server
 ) -> None:
     page, tablet = page_without_scene, _tablet(newcomer)
     patient = new_patient(page)
     page.goto(f"/patients/{patient}")
-    begin_session(page, "left")
+    first = begin_session(page, "left")
+    page.locator("summary").filter(has_text="Patient's screen").click()
+    page.get_by_label("Language of the patient").select_option("de")
     code = _invited(page)
 
     tablet.goto(f"{server.base}/patient-view")
@@ -37,7 +39,36 @@ def test_the_patient_is_led_on_a_screen_of_their_own(
     shown(tablet.get_by_role("heading", name="Einen Moment bitte"))
     assert tablet.evaluate("document.documentElement.lang") == "de"
     keep_screen(tablet, "patient-view-wait")
+    _lead_through_fist(page, tablet)
+    _reveals_nobody(page, tablet, server, patient)
 
+    page.get_by_role("button", name="End", exact=True).click()
+    shown(tablet.get_by_text("Die Sitzung ist vorbei, oder dieser Bildschirm wurde beendet"))
+    tablet.goto(f"{server.base}/patient-view?language=de#{code}")
+    shown(tablet.get_by_text("Dieser Code öffnet nichts"))
+
+    tablet.goto(f"{server.base}/patient-view?language=de#{_invited(page)}")
+    shown(tablet.get_by_role("heading", name="Danke, das ist aufgezeichnet"))
+    act(page, "accept").click()
+    shown(tablet.get_by_role("heading", name="Einen Moment bitte"))
+    _go_on_with_the_other_hand(page, first)
+    shown(tablet.get_by_role("heading", name="Jetzt die andere Hand"))
+    assert "Rechte Hand" in (tablet.locator("iframe").get_attribute("title") or "")
+    keep_screen(tablet, "patient-view-other-hand")
+
+    _measure_fist(page)
+    expect(page.locator("[data-other-hand]")).to_be_hidden()  # both hands are measured
+    end_session(page)
+    shown(tablet.get_by_text("Die Sitzung ist vorbei, oder dieser Bildschirm wurde beendet"))
+    right, left = api(page, f"/api/patients/{patient}")["sessions"]
+    assert (right["hand"], right["continues"]) == ("right", left["id"])
+    shown(page.get_by_role("link", name="Left hand, same visit")).click()
+    shown(page.get_by_role("link", name="Right hand, same visit"))
+    assert page.url.endswith(f"/sessions/{left['id']}")
+
+
+def _lead_through_fist(page: Page, tablet: Page) -> None:
+    """Pose and one trial of fist and straight, as the patient's screen shows them."""
     shown(act(page, "continue")).click()
     shown(tablet.get_by_role("heading", name="Legen Sie die Hand flach hin"))
     keep_screen(tablet, "patient-view-pose")
@@ -65,6 +96,9 @@ def test_the_patient_is_led_on_a_screen_of_their_own(
     shown(tablet.get_by_text(re.compile(r"Sie haben \d Bewegungen gemacht")))
     keep_screen(tablet, "patient-view-rest")
 
+
+def _reveals_nobody(page: Page, tablet: Page, server: Server, patient: int) -> None:
+    """The patient's screen knows neither the patient's code nor the therapist's login, and keeps its own over a reload."""
     text = tablet.content()
     pseudonym = api(page, f"/api/patients/{patient}")["pseudonym"]
     assert pseudonym not in text and "handscope" not in tablet.evaluate("document.cookie")
@@ -72,25 +106,11 @@ def test_the_patient_is_led_on_a_screen_of_their_own(
     tablet.reload()  # the cookie of the screen leads on
     shown(tablet.get_by_role("heading", name="Danke, das ist aufgezeichnet"))
 
-    page.get_by_role("button", name="End", exact=True).click()
-    shown(tablet.get_by_text("Die Sitzung ist vorbei, oder dieser Bildschirm wurde beendet"))
-    tablet.goto(f"{server.base}/patient-view?language=de#{code}")
-    shown(tablet.get_by_text("Dieser Code öffnet nichts"))
 
-
-def test_both_hands_are_measured_in_one_visit_one_after_the_other(
-    page_without_scene: Page, newcomer: Page, server: Server
-) -> None:
-    page, tablet = page_without_scene, _tablet(newcomer)
-    patient = new_patient(page)
-    page.goto(f"/patients/{patient}")
-    first = begin_session(page, "left")
-    tablet.goto(f"{server.base}/patient-view?language=de#{_invited(page)}")
-    _measure_fist(page)
-    shown(tablet.get_by_role("heading", name="Einen Moment bitte"))
-
+def _go_on_with_the_other_hand(page: Page, first: str) -> None:
+    """A first attempt fails and says why."""
     page.route("**/api/gloves", lambda route: route.abort(), times=1)
-    page.locator("[data-other-hand]").click()
+    shown(page.locator("[data-other-hand]")).click()
     shown(page.get_by_role("alert").filter(has_text=re.compile(r"\w")))  # why nothing opened
     page.locator("[data-other-hand]").click()
     expect(page.get_by_label("Glove of the other hand").locator("option:checked")).to_have_text(
@@ -103,19 +123,6 @@ def test_both_hands_are_measured_in_one_visit_one_after_the_other(
     shown(page.get_by_role("heading", name="Right hand of"))
     shown(page.get_by_text("The second hand of this visit"))
     keep_screen(page, "station-second-hand")
-    shown(tablet.get_by_role("heading", name="Jetzt die andere Hand"))
-    assert "Rechte Hand" in (tablet.locator("iframe").get_attribute("title") or "")
-    keep_screen(tablet, "patient-view-other-hand")
-
-    _measure_fist(page)
-    expect(page.locator("[data-other-hand]")).to_be_hidden()  # both hands are measured
-    end_session(page)
-    shown(tablet.get_by_text("Die Sitzung ist vorbei, oder dieser Bildschirm wurde beendet"))
-    right, left = api(page, f"/api/patients/{patient}")["sessions"]
-    assert (right["hand"], right["continues"]) == ("right", left["id"])
-    shown(page.get_by_role("link", name="Left hand, same visit")).click()
-    shown(page.get_by_role("link", name="Right hand, same visit"))
-    assert page.url.endswith(f"/sessions/{left['id']}")
 
 
 def _tablet(page: Page) -> Page:
@@ -138,9 +145,7 @@ def _measure_fist(page: Page) -> None:
 
 
 def _invited(page: Page) -> str:
-    """A code, from the therapist's panel, for a patient who reads German."""
-    page.locator("summary").filter(has_text="Patient's screen").click()
-    page.get_by_label("Language of the patient").select_option("de")
+    """A new code from the therapist's panel, which is open."""
     page.locator("[data-invite]").click()
     code = shown(page.locator("[data-code]")).inner_text()
     expect(
