@@ -69,7 +69,7 @@ def _names(requirements: list[str]) -> set[str]:
 def _imported() -> set[str]:
     """Distributions that modules outside the tests import."""
     product = [p for p in MODULES if p.relative_to(ROOT).parts[0] != "tests"]
-    names = {i.split(".")[0] for p in product for i in imports(p.read_text(), "handscope.x") if i}
+    names = {i.split(".")[0] for p in product for i in imports(p, "handscope.x") if i}
     known = packages_distributions()
     return _names([known[name][0] for name in names if name in known]) - {"handscope"}
 
@@ -80,10 +80,9 @@ def test_what_is_imported_is_declared_and_what_is_declared_is_used() -> None:
     extras = _names(
         [r for extra, rs in project["optional-dependencies"].items() if extra != "dev" for r in rs]
     )
-    assert (sorted(_imported() - declared - extras), sorted(declared - _imported() - BY_NAME)) == (
-        [],
-        [],
-    )
+    imported = _imported()
+    assert sorted(imported - declared - extras) == []
+    assert sorted(declared - imported - BY_NAME) == []
 
 
 def test_files_of_others_are_those_that_the_list_names() -> None:
