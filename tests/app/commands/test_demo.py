@@ -26,6 +26,7 @@ def gloves_of(folder: Path) -> list[Path]:
     return gloves
 
 
+@pytest.mark.slow
 def test_ctrl_c_at_the_program_ends_its_gloves(tmp_path: Path) -> None:
     program = [sys.executable, "-P", "-m", "handscope.app.cli", *words(tmp_path)]
     with subprocess.Popen(
