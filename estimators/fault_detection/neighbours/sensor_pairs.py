@@ -41,6 +41,7 @@ class Pairs:
     series: Series
     geometry: HandGeometry
     q_BS: Mapping[str, Array]
+    among: frozenset[str] | None = None  # sensors that are looked at; None: all
     _couples: dict[tuple[str, str, float], Couple] = field(default_factory=dict)
     _speed: dict[str, Array] = field(default_factory=dict)
     _windows: dict[tuple[str, float], Windows] = field(default_factory=dict)
@@ -53,11 +54,8 @@ class Pairs:
     @cached_property
     def joints(self) -> list[tuple[str, str]]:
         """Parent and child of the hand's joints that have a sensor on either side."""
-        return [
-            (j.parent, j.child)
-            for j in JOINTS
-            if j.parent in self.series.sensors and j.child in self.series.sensors
-        ]
+        present = self.series.sensors if self.among is None else self.among
+        return [(j.parent, j.child) for j in JOINTS if j.parent in present and j.child in present]
 
     def later(self, by: float) -> "Pairs":
         """The same in windows that begin `by` s later."""
@@ -78,21 +76,11 @@ class Pairs:
 
     def with_gain(self, sensor: str, gain: float) -> "Pairs":
         """A sensor and its neighbours, its rates divided by a gain."""
-        s = self.series
         around = {sensor, *(n for joint in self.joints if sensor in joint for n in joint)}
-        columns = np.array([k for k, name in enumerate(s.sensors) if name in around])
-        names = tuple(s.sensors[k] for k in columns)
-        by = np.where([name == sensor for name in names], 1.0 / gain, 1.0)[:, None]
-        part = Series(
-            s.t,
-            names,
-            s.gyr[:, columns] * by,
-            s.change[:, columns] * by,
-            s.acc[:, columns],
-            s.whole[:, columns],
-            s.chosen,
-        )
-        return Pairs(part, self.geometry, self.q_BS)
+        own = _divided(self.series, sensor, gain)
+        windows = {(n, 0.0): self.windows(n) for n in around}
+        (windows[sensor, 0.0],) = joint_windows.cut(own, (sensor,))
+        return Pairs(self.series, self.geometry, self.q_BS, frozenset(around), _windows=windows)
 
     def windows(self, sensor: str, late: float = 0.0) -> Windows:
         if (sensor, late) not in self._windows:
@@ -232,3 +220,17 @@ class Pairs:
     def turns(self, a: str, b: str) -> NDArray[np.bool_]:
         """Windows (K,) in which either of two sensors turns, not only its noise."""
         return np.asarray(np.maximum(self.turning(a), self.turning(b)) > common_joint.TURNS)
+
+
+def _divided(series: Series, sensor: str, gain: float) -> Series:
+    """One sensor's series, its rates divided by a gain."""
+    k = series.sensors.index(sensor)
+    only, by = slice(k, k + 1), 1.0 / gain
+    return replace(
+        series,
+        sensors=(sensor,),
+        gyr=series.gyr[:, only] * by,
+        change=series.change[:, only] * by,
+        acc=series.acc[:, only],
+        whole=series.whole[:, only],
+    )
