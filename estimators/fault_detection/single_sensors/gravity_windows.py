@@ -88,10 +88,17 @@ def windows_of(
 def sine_and_versed(size: float) -> tuple[float, float]:
     """sin(a) / a and (1 - cos(a)) / a^2 of an angle whose square is `size`."""
     if size < SERIES:
-        sine = 1 - size / 6 * (1 - size / 20 * (1 - size / 42 * (1 - size / 72)))
-        return sine, 0.5 - size / 24 * (1 - size / 30 * (1 - size / 56 * (1 - size / 90)))
+        short: tuple[float, float] = short_sine_and_versed(size)
+        return short
     angle = math.sqrt(size)
     return math.sin(angle) / angle, (1.0 - math.cos(angle)) / size
+
+
+@inlined
+def short_sine_and_versed(size: float) -> tuple[float, float]:
+    """The same of a small angle."""
+    sine = 1 - size / 6 * (1 - size / 20 * (1 - size / 42 * (1 - size / 72)))
+    return sine, 0.5 - size / 24 * (1 - size / 30 * (1 - size / 56 * (1 - size / 90)))
 
 
 @looped
@@ -106,39 +113,73 @@ def _average_force(
     hop: int,
     force: Array,
 ) -> None:
-    """Fill force alone, the frame as a quaternion: faults are first compared without slopes."""
+    """Fill force alone, the frames as quaternions: faults are first compared without slopes.
+
+    Sensors and matrices are the last axis of all that is computed, so that several are computed at once.
+    """
     G, S, K = force.shape[:3]
     length = len(weight)
+    q, half, a, u = np.empty((4, S)), np.empty((3, S)), np.empty((3, S)), np.empty((3, S))
+    total = np.empty((K, 3, S))
     for g in range(G):
-        for s in range(S):
-            w, x, y, z = 1.0, 0.0, 0.0, 0.0
-            for b in range((K - 1) * hop + length):
-                row, c = first[g] + b, columns[s]
+        q[:], total[:] = 0.0, 0.0
+        q[0] = 1.0
+        for b in range((K - 1) * hop + length):
+            row = first[g] + b
+            for s in range(S):
+                c = columns[s]
                 g0, g1, g2 = gyr[row, c, 0], gyr[row, c, 1], gyr[row, c, 2]
-                a0, a1, a2 = acc[row, c, 0], acc[row, c, 1], acc[row, c, 2]
-                e0 = 0.25 * dt * (M[s, 0, 0] * g0 + M[s, 0, 1] * g1 + M[s, 0, 2] * g2)
-                e1 = 0.25 * dt * (M[s, 1, 0] * g0 + M[s, 1, 1] * g1 + M[s, 1, 2] * g2)
-                e2 = 0.25 * dt * (M[s, 2, 0] * g0 + M[s, 2, 1] * g1 + M[s, 2, 2] * g2)
-                size = e0 * e0 + e1 * e1 + e2 * e2  # of half the turn, as quaternions have it
-                sine, versed = sine_and_versed(size)
-                cosine, e0, e1, e2 = 1 - versed * size, sine * e0, sine * e1, sine * e2
-                p = w * cosine - x * e0 - y * e1 - z * e2  # in the middle of the cell
-                q = w * e0 + x * cosine + y * e2 - z * e1
-                r = w * e1 - x * e2 + y * cosine + z * e0
-                t = w * e2 + x * e1 - y * e0 + z * cosine
-                c0, c1, c2 = 2 * (r * a2 - t * a1), 2 * (t * a0 - q * a2), 2 * (q * a1 - r * a0)
-                u0 = a0 + p * c0 + r * c2 - t * c1
-                u1 = a1 + p * c1 + t * c0 - q * c2
-                u2 = a2 + p * c2 + q * c1 - r * c0
-                w = p * cosine - q * e0 - r * e1 - t * e2
-                x = p * e0 + q * cosine + r * e2 - t * e1
-                y = p * e1 - q * e2 + r * cosine + t * e0
-                z = p * e2 + q * e1 - r * e0 + t * cosine
-                for k in range(max(0, (b - length + hop) // hop), min(K - 1, b // hop) + 1):
-                    share = weight[b - k * hop]
-                    force[g, s, k, 0] += share * u0
-                    force[g, s, k, 1] += share * u1
-                    force[g, s, k, 2] += share * u2
+                for i in range(3):
+                    a[i, s] = acc[row, c, i]
+                    rate = M[s, i, 0] * g0 + M[s, i, 1] * g1 + M[s, i, 2] * g2
+                    half[i, s] = 0.25 * dt * rate
+            _carry(q[0], q[1], q[2], q[3], half, a, u[0], u[1], u[2])
+            for k in range(max(0, (b - length + hop) // hop), min(K - 1, b // hop) + 1):
+                for i in range(3):
+                    _add_share(weight[b - k * hop], u[i], total[k, i])
+        for s in range(S):
+            for k in range(K):
+                for i in range(3):
+                    force[g, s, k, i] = total[k, i, s]
+
+
+@inlined
+def _add_share(share: float, values: Array, total: Array) -> None:
+    for s in range(len(values)):
+        total[s] += share * values[s]
+
+
+@inlined
+def _carry(
+    W: Array, X: Array, Y: Array, Z: Array, half: Array, a: Array, u0: Array, u1: Array, u2: Array
+) -> None:
+    """Carry frames (S,) over a cell in two halves (3, S) rad, as quaternions have it, and turn forces (3, S) into them in its middle."""
+    S = len(W)
+    size, sine, versed = np.empty(S), np.empty(S), np.empty(S)
+    for s in range(S):
+        e0, e1, e2 = half[0, s], half[1, s], half[2, s]
+        size[s] = e0 * e0 + e1 * e1 + e2 * e2
+        sine[s], versed[s] = short_sine_and_versed(size[s])
+    for s in range(S):
+        if not size[s] < SERIES:
+            sine[s], versed[s] = sine_and_versed(size[s])
+    for s in range(S):
+        w, x, y, z = W[s], X[s], Y[s], Z[s]
+        cosine = 1 - versed[s] * size[s]
+        e0, e1, e2 = sine[s] * half[0, s], sine[s] * half[1, s], sine[s] * half[2, s]
+        p = w * cosine - x * e0 - y * e1 - z * e2  # in the middle of the cell
+        q = w * e0 + x * cosine + y * e2 - z * e1
+        r = w * e1 - x * e2 + y * cosine + z * e0
+        t = w * e2 + x * e1 - y * e0 + z * cosine
+        a0, a1, a2 = a[0, s], a[1, s], a[2, s]
+        c0, c1, c2 = 2 * (r * a2 - t * a1), 2 * (t * a0 - q * a2), 2 * (q * a1 - r * a0)
+        u0[s] = a0 + p * c0 + r * c2 - t * c1
+        u1[s] = a1 + p * c1 + t * c0 - q * c2
+        u2[s] = a2 + p * c2 + q * c1 - r * c0
+        W[s] = p * cosine - q * e0 - r * e1 - t * e2
+        X[s] = p * e0 + q * cosine + r * e2 - t * e1
+        Y[s] = p * e1 - q * e2 + r * cosine + t * e0
+        Z[s] = p * e2 + q * e1 - r * e0 + t * cosine
 
 
 @looped
