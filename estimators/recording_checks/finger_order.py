@@ -13,7 +13,6 @@ import numpy as np
 
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.fault_detection.finding import Message, Suspicion
-from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, FLEXION, JOINTS, SEGMENT
 from handscope.estimators.numerics.tail_probabilities import normal_sf
 from handscope.estimators.numerics.typing import Array
@@ -26,25 +25,27 @@ FALSE_ALARM = 1e-3  # of all fingers of one recording
 EVERY, FEWEST = 0.1, 10  # s, and samples that far apart in which a finger is bent
 
 
-def check_order(free: Trajectory) -> list[Suspicion]:
+def check_order(free: Trajectory, angles: Array) -> list[Suspicion]:
     """Sensors of fingers that are probably in another order than declared.
 
     Parameters
     ----------
     free : Trajectory
         Without constraints; angles are those from the initial pose on.
+    angles : Array
+        (n, joints, 3) rad, of its joints.
 
     Returns
     -------
     list of Suspicion
         `sensors.exchanged_bending`, with the exchange where two sensors change places.
     """
-    return [s for f in FINGERS[1:] if (s := _order(free, f)) is not None]
+    return [s for f in FINGERS[1:] if (s := _order(free, angles, f)) is not None]
 
 
-def _order(free: Trajectory, finger: str) -> Suspicion | None:
+def _order(free: Trajectory, angles: Array, finger: str) -> Suspicion | None:
     """The other order of a finger's sensors, where the declared one bends a joint backward and that one none."""
-    turned, t, sensors = _turned(free, finger)
+    turned, t, sensors = _turned(free, angles, finger)
     if len(t) < FEWEST or len(sensors) < 2:
         return None
     k, z = _backward(turned)
@@ -68,16 +69,17 @@ def _order(free: Trajectory, finger: str) -> Suspicion | None:
     return Suspicion(message, moved, (span,), p, correction)
 
 
-def _turned(free: Trajectory, finger: str) -> tuple[Array, Array, tuple[str, ...]]:
+def _turned(free: Trajectory, angles: Array, finger: str) -> tuple[Array, Array, tuple[str, ...]]:
     """How far (n, S) rad segments with a sensor are bent against the hand while the finger is bent, when (n,) s, and the segments."""
     joints = [k for k, j in enumerate(JOINTS) if j.child in CHAINS[finger]]
     step = max(1, int(EVERY * (len(free) - 1) / max(float(free.t[-1] - free.t[0]), EVERY)))
-    q_GS, flags = free.q_GS[::step], free.flags[::step]
-    angles = joint_angles.of_segments(q_GS)[:, joints, FLEXION]
+    flags, bending = free.flags[::step], angles[::step, joints, FLEXION]
     worn = [
-        s for k, s in enumerate(CHAINS[finger]) if np.isfinite(angles[:, : k + 1]).all(axis=1).any()
+        s
+        for k, s in enumerate(CHAINS[finger])
+        if np.isfinite(bending[:, : k + 1]).all(axis=1).any()
     ]
-    turned = np.cumsum(angles, axis=1)[:, : len(worn)]
+    turned = np.cumsum(bending, axis=1)[:, : len(worn)]
     known = np.isfinite(turned).all(axis=1)
     known &= ((flags[:, [SEGMENT[s] for s in worn]] & UNSURE) == 0).all(axis=1)
     bent = known & (np.abs(np.diff(turned, axis=1)) > BENT).any(axis=1)

@@ -78,17 +78,16 @@ def check_joints(recording: Recording, calibrations: Sequence[Calibration]) -> l
         return []
     recording = with_orientations(True, recording)
     free = move_freely(recording, calibrations)
+    angles = joint_angles.of_segments(free.q_GS)
     found, by_finger = [], dict[str, list[Excess]]()
-    for excess in excesses(free):
+    for excess in excesses(free, angles):
         by_finger.setdefault(JOINTS[excess.joint].name.partition("_")[0], []).append(excess)
     for finger, beyond in by_finger.items():
         found.append(_exchanged(recording, finger, beyond) or _beyond(max(beyond, key=_surely)))
-    found += [s for s in check_order(free) if s.sensors[0].partition("_")[0] not in by_finger]
-    asked = [
-        s
-        for s in check_anatomy(free, recording.geometry)
-        if s.message.values["joint"] not in HINGES
+    found += [
+        s for s in check_order(free, angles) if s.sensors[0].partition("_")[0] not in by_finger
     ]
+    asked = [s for s in check_anatomy(free, angles) if s.message.values["joint"] not in HINGES]
     return [*found, *asked]
 
 
@@ -98,9 +97,9 @@ def move_freely(recording: Recording, calibrations: Sequence[Calibration]) -> Tr
     return trajectory.join(list(run(m2, params, calibrations, recording)), recording.hand)
 
 
-def excesses(free: Trajectory) -> Iterator[Excess]:
-    """Angles of hinges that are beyond their limits for more than SHARE of the time."""
-    angles, sure = joint_angles.of_segments(free.q_GS), (free.flags & UNSURE) == 0
+def excesses(free: Trajectory, angles: Array) -> Iterator[Excess]:
+    """Angles (n, joints, 3) of hinges that are beyond their limits for more than SHARE of the time."""
+    sure = (free.flags & UNSURE) == 0
     for k, joint in enumerate(JOINTS):
         known = sure[:, SEGMENT[joint.parent]] & sure[:, SEGMENT[joint.child]]
         if joint.name not in HINGES or not known.any():
@@ -115,7 +114,9 @@ def _excess(t: Array, angle: Array, joint: int, a: int) -> Iterator[Excess]:
     for sign, limit in zip((-1.0, 1.0), LIMITS[joint, a]):
         off = sign * (angle - limit)
         off = off[np.isfinite(off)]
-        if len(off) and (far := float(np.quantile(off, 1 - SHARE))) > least:
+        if off.max(initial=-np.inf) <= least:
+            continue
+        if (far := float(np.quantile(off, 1 - SHARE))) > least:
             there = t[np.isfinite(angle)][off > 0.5 * least]
             yield Excess(joint, a, far, float(limit), (float(there[0]), float(there[-1])))
 

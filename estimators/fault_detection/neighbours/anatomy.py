@@ -10,9 +10,7 @@ import numpy as np
 
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.fault_detection.finding import Message, Suspicion
-from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import ANGLES, IS_DOF, JOINTS, LIMITS
-from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.tail_probabilities import normal_sf
 from handscope.estimators.numerics.typing import Array
 
@@ -25,15 +23,15 @@ CLIPPED, AT_LIMIT = (
 )  # share of the time at a limit from which on it is asked about; how near that is
 
 
-def check_anatomy(trajectory: Trajectory, geometry: HandGeometry) -> list[Suspicion]:
+def check_anatomy(trajectory: Trajectory, angles: Array) -> list[Suspicion]:
     """Ask about joints that went, or stayed, where joints of a hand do not go.
 
     Parameters
     ----------
     trajectory : Trajectory
-        Angles in rad; what is not measured is NaN.
-    geometry : HandGeometry
-        Of the declared hand.
+        When, and how certain its angles are.
+    angles : Array
+        (n, joints, 3) rad, of its joints; what is not measured is NaN.
 
     Returns
     -------
@@ -42,7 +40,6 @@ def check_anatomy(trajectory: Trajectory, geometry: HandGeometry) -> list[Suspic
     """
     if len(trajectory) == 0:
         return []
-    angles = joint_angles.of_segments(trajectory.q_GS)
     tests, found = int(IS_DOF.sum()) * 2, []
     for k, joint in enumerate(JOINTS):
         for a in joint.dofs:
@@ -89,9 +86,12 @@ def _beyond(
     known = np.isfinite(excess)
     if not known.any():
         return None
-    far = float(np.quantile(excess[known], 1 - SHARE))
+    excess_known = excess[known]
+    stays = float((np.abs(excess_known) < AT_LIMIT).mean())
+    if stays <= CLIPPED and normal_sf(excess_known.max() / sd) * tests >= FALSE_ALARM:
+        return None  # nor is any quantile beyond
+    far = float(np.quantile(excess_known, 1 - SHARE))
     p = min(1.0, float(normal_sf(far / sd)) * tests)
-    stays = float((np.abs(excess[known]) < AT_LIMIT).mean())
     where = known & (excess > (0.0 if p < FALSE_ALARM else -AT_LIMIT))
     if p < FALSE_ALARM or stays > CLIPPED:
         return (

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.neighbours.anatomy import check_anatomy
+from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import SEGMENT
-from handscope.estimators.hand.geometry import sized
 from handscope.estimators.numerics import quaternions as quat
 from tests.estimators.fault_detection.joint_recordings import freely_moved
 
@@ -20,12 +21,16 @@ def turned(trajectory: Trajectory, segment: str, degrees: float) -> Trajectory:
     return replace(trajectory, q_GS=q_GS)
 
 
+def asked_of(trajectory: Trajectory) -> list[Suspicion]:
+    return check_anatomy(trajectory, joint_angles.of_segments(trajectory.q_GS))
+
+
 def test_a_hand_that_moves_as_hands_do_is_not_asked_about() -> None:
-    assert check_anatomy(freely_moved().truth, sized("left")) == []
+    assert asked_of(freely_moved().truth) == []
 
 
 def test_a_joint_bent_backward_is_asked_about_as_a_question() -> None:
-    asked = check_anatomy(turned(freely_moved().truth, "index_distal", -60.0), sized("left"))
+    asked = asked_of(turned(freely_moved().truth, "index_distal", -60.0))
     assert [s.message.values["joint"] for s in asked] == ["index_dip"]
     assert asked[0].message.severity == "info"
     assert asked[0].message.code == "person.angle_beyond"
@@ -33,4 +38,4 @@ def test_a_joint_bent_backward_is_asked_about_as_a_question() -> None:
 
 def test_nothing_is_asked_of_nothing() -> None:
     truth = freely_moved().truth
-    assert check_anatomy(truth.between(-2.0, -1.0), sized("left")) == []
+    assert asked_of(truth.between(-2.0, -1.0)) == []

@@ -1,11 +1,10 @@
 """Joints that nothing keeps within their limits: exchanged sensors show where joints would bend too far, intact ones nowhere."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import SEGMENT
 from handscope.estimators.methods import m2
 from handscope.estimators.numerics import quaternions as quat
@@ -49,7 +48,7 @@ def test_a_joint_that_would_turn_sideways_is_suspected_with_both_sensors(
     free = free_joints.move_freely(intact, calibrations)
     k, turned = SEGMENT["index_distal"], free.q_GS.copy()
     turned[-300:, k] = quat.multiply(turned[-300:, k], quat.about(0, np.array(np.radians(60.0))))
-    found = list(free_joints.excesses(replace(free, q_GS=turned)))
+    found = list(free_joints.excesses(free, joint_angles.of_segments(turned)))
     assert {free_joints.JOINTS[e.joint].name for e in found} == {"index_dip"}
     assert all(e.span[0] >= free.t[-300] for e in found)
 
