@@ -7,9 +7,12 @@ Source  normal equations with a nuisance rotation projected out (Golub & Pereyra
 Limits  instants of a window weigh alike
 """
 
+import math
+
 import numpy as np
 
 from handscope.estimators.numerics.jit import inlined, looped
+from handscope.estimators.numerics.small_matrices import cholesky, solve_lower, solve_upper
 from handscope.estimators.numerics.typing import Array
 
 UNKNOWNS = 9  # place from the first sensor, from the second, difference of biases in its frame
@@ -30,51 +33,26 @@ def factors(x: Array) -> Array:
 
 
 @inlined
-def by_second(sums: Array, c: Array, p: int, out: Array) -> None:
-    """Sums (3, 3) of vector p with the joint's acceleration by the second sensor."""
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = 0.0
-            for q in range(SECOND):
-                out[i, j] += c[FIRST + q] * sums[3 * p + i, 3 * q + j]
+def fill_parts(sums: Array, c: Array, parts: Array, total: Array) -> None:
+    """Sums (V, 3, 3) of vectors with the joint's acceleration by the second sensor; that of the joint's acceleration (3, 3), the vectors by `c`."""
+    total[:] = 0.0
+    for p in range(len(parts)):
+        for i in range(3):
+            for j in range(3):
+                part = 0.0
+                for q in range(SECOND):
+                    part += c[FIRST + q] * sums[3 * p + i, 3 * q + j]
+                parts[p, i, j] = part
+                total[i, j] += c[p if len(parts) == FIRST else FIRST + p] * part
 
 
 @inlined
-def find_rotation(cross: Array, c: Array, R: Array) -> None:
-    """Rotation that takes accelerations by the second sensor best to those by the first."""
-    P, part = np.zeros((3, 3)), np.zeros((3, 3))
-    for p in range(FIRST):
-        by_second(cross, c, p, part)
-        P += c[p] * part
-    U, _, Vt = np.linalg.svd(P)
+def find_rotation(products: Array, R: Array) -> None:
+    """Rotation that takes accelerations by the second sensor best to those by the first, of the sum of their products."""
+    U, _, Vt = np.linalg.svd(products)
     if np.linalg.det(U) * np.linalg.det(Vt) < 0:
         U[:, 2] *= -1.0
     R[:] = U @ Vt
-
-
-@inlined
-def turn_rows(cross: Array, outer: Array, c: Array, R: Array, total: Array) -> None:
-    """First three rows of the normal matrix (14, 14): of a small turn with itself and with all vectors."""
-    part, b = np.zeros((3, 3)), np.zeros((3, 3))
-    for q in range(SECOND):
-        by_second(outer, c, q, part)
-        for k in range(3):
-            e, f = (k + 1) % 3, (k + 2) % 3
-            for m in range(3):
-                b[k, m] += c[FIRST + q] * part[k, m]
-                total[m, 3 + FIRST + q] -= R[m, k] * (part[e, f] - part[f, e])
-    turned(b, R, part)
-    for k in range(3):
-        for m in range(3):
-            inner = R[k, 0] * part[0, m] + R[k, 1] * part[1, m] + R[k, 2] * part[2, m]
-            total[k, m] = -inner
-        total[k, k] += b[0, 0] + b[1, 1] + b[2, 2] + RIDGE
-    for p in range(FIRST):
-        by_second(cross, c, p, part)
-        turned(part, R, b)
-        for k in range(3):
-            e, f = (k + 1) % 3, (k + 2) % 3
-            total[k, 3 + p] = b[e, f] - b[f, e]
 
 
 @inlined
@@ -86,73 +64,109 @@ def turned(part: Array, R: Array, out: Array) -> None:
 
 
 @inlined
-def follow_rotation(cross: Array, outer: Array, c: Array, R: Array) -> None:
-    """Turn a window's rotation to where the unknowns now have it."""
-    total = np.zeros((3, 3 + ALL))
-    turn_rows(cross, outer, c, R, total)
-    right = np.zeros(3)
+def fill_turn(square: Array, R: Array, out: Array) -> None:
+    """Normal matrix (3, 3) of a small turn, of the sum of squares of the acceleration by the second sensor."""
+    part = np.empty((3, 3))
+    turned(square, R, part)
     for k in range(3):
-        for p in range(ALL):
-            right[k] -= total[k, 3 + p] * c[p]
-    v = np.linalg.solve(np.ascontiguousarray(total[:, :3]), right)
-    angle = np.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
+        for m in range(3):
+            out[k, m] = -(R[k, 0] * part[0, m] + R[k, 1] * part[1, m] + R[k, 2] * part[2, m])
+        out[k, k] += square[0, 0] + square[1, 1] + square[2, 2] + RIDGE
+
+
+@inlined
+def follow_rotation(products: Array, square: Array, R: Array) -> None:
+    """Turn a window's rotation to where the unknowns now have it."""
+    normal, b = np.empty((3, 3)), np.empty((3, 3))
+    L, right = np.empty((3, 3)), np.empty((3, 1))
+    fill_turn(square, R, normal)
+    turned(products, R, b)
+    for k in range(3):
+        e, f = (k + 1) % 3, (k + 2) % 3
+        right[k, 0] = b[f, e] - b[e, f]
+    angle = np.inf
+    if cholesky(normal, L):
+        solve_lower(L, right)
+        solve_upper(L, right)
+        v0, v1, v2 = right[0, 0], right[1, 0], right[2, 0]
+        angle = math.sqrt(v0 * v0 + v1 * v1 + v2 * v2)
     if not angle < FARTHEST:
-        find_rotation(cross, c, R)
-        return
-    if angle > 0.0:
-        s, t = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle**2
-        V = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-        R[:] = R + s * (V @ R) + t * (V @ (V @ R))
+        find_rotation(products, R)
+    elif angle > 0.0:
+        turn_by(v0, v1, v2, angle, R)
+
+
+@inlined
+def turn_by(v0: float, v1: float, v2: float, angle: float, R: Array) -> None:
+    """R by a rotation vector, from the left (Rodrigues)."""
+    s, t = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle**2
+    for j in range(3):
+        r0, r1, r2 = R[0, j], R[1, j], R[2, j]
+        a0, a1, a2 = v1 * r2 - v2 * r1, v2 * r0 - v0 * r2, v0 * r1 - v1 * r0
+        R[0, j] = r0 + s * a0 + t * (v1 * a2 - v2 * a1)
+        R[1, j] = r1 + s * a1 + t * (v2 * a0 - v0 * a2)
+        R[2, j] = r2 + s * a2 + t * (v0 * a1 - v1 * a0)
 
 
 @inlined
 def fill_vectors(gram: Array, cross: Array, outer: Array, R: Array, total: Array) -> None:
-    """The rest of the normal matrix: of all vectors with each other, those of the second sensor turned and negated."""
+    """The normal matrix of all vectors with each other, those of the second sensor turned and negated; its upper half."""
     for p in range(FIRST):
-        for q in range(FIRST):
+        for q in range(p, FIRST):
             total[3 + p, 3 + q] = gram[p, q]
         for q in range(SECOND):
             off = 0.0
             for i in range(3):
                 for j in range(3):
                     off += R[i, j] * cross[3 * p + i, 3 * q + j]
-            total[3 + p, 3 + FIRST + q] = total[3 + FIRST + q, 3 + p] = -off
+            total[3 + p, 3 + FIRST + q] = -off
     for p in range(SECOND):
-        for q in range(SECOND):
+        for q in range(p, SECOND):
             total[3 + FIRST + p, 3 + FIRST + q] = (
                 outer[3 * p, 3 * q] + outer[3 * p + 1, 3 * q + 1] + outer[3 * p + 2, 3 * q + 2]
             )
 
 
 @inlined
-def square_up(gram: Array, cross: Array, outer: Array, c: Array, R: Array, out: Array) -> None:
-    """Sums (10, 10) of the products of derivatives by the unknowns and of the residual, the rotation projected out."""
-    total = np.zeros((3 + ALL, 3 + ALL))
-    turn_rows(cross, outer, c, R, total)
-    fill_vectors(gram, cross, outer, R, total)
-    for k in range(3):  # Gauss's elimination of the turn
-        for p in range(k + 1, 3 + ALL):
-            share = total[k, p] / total[k, k]
-            for q in range(k + 1, 3 + ALL):
-                total[p, q] -= share * total[k, q]
-    with_residual(total, c, out)
+def fill_turn_rows(first: Array, second: Array, square: Array, R: Array, total: Array) -> None:
+    """First three rows of the normal matrix (14, 14): of a small turn with itself and with all vectors."""
+    b = np.empty((3, 3))
+    fill_turn(square, R, total[:3, :3])
+    for p in range(FIRST):
+        turned(first[p], R, b)
+        for k in range(3):
+            e, f = (k + 1) % 3, (k + 2) % 3
+            total[k, 3 + p] = b[e, f] - b[f, e]
+    for q in range(SECOND):
+        for m in range(3):
+            off = 0.0
+            for k in range(3):
+                e, f = (k + 1) % 3, (k + 2) % 3
+                off += R[m, k] * (second[q, e, f] - second[q, f, e])
+            total[m, 3 + FIRST + q] = -off
 
 
 @inlined
-def with_residual(total: Array, c: Array, out: Array) -> None:
-    """Pick the unknowns' sums (10, 10), the residual's at the end."""
+def square_up(total: Array, c: Array, out: Array) -> None:
+    """Sums (10, 10) of the products of derivatives by the unknowns and of the residual, the rotation projected out of the normal matrix (14, 14)."""
+    for k in range(3):  # Gauss's elimination of the turn
+        for p in range(k + 1, 3 + ALL):
+            share = total[k, p] / total[k, k]
+            for q in range(p, 3 + ALL):
+                total[p, q] -= share * total[k, q]
     square = 0.0
     for p in range(ALL):
         along = 0.0
         for q in range(ALL):
-            along += total[3 + p, 3 + q] * c[q]
+            along += total[3 + min(p, q), 3 + max(p, q)] * c[q]
         square += c[p] * along
         total[3 + p, 0] = along
     for i in range(UNKNOWNS):
         p = 3 + COLUMNS[i]
         out[i, UNKNOWNS] = out[UNKNOWNS, i] = total[p, 0]
         for j in range(UNKNOWNS):
-            out[i, j] = total[p, 3 + COLUMNS[j]]
+            q = 3 + COLUMNS[j]
+            out[i, j] = total[min(p, q), max(p, q)]
     out[UNKNOWNS, UNKNOWNS] = square
 
 
@@ -199,6 +213,25 @@ def add_up(
     return normal, normal @ x + right
 
 
+@inlined
+def reduce_window(
+    gram: Array, cross: Array, outer: Array, c: Array, is_new: bool, R: Array, out: Array
+) -> None:
+    """Find a window's rotation, or follow it to where the unknowns now have it, and its sums (10, 10) without it."""
+    first, second = np.empty((FIRST, 3, 3)), np.empty((SECOND, 3, 3))
+    products, square = np.empty((3, 3)), np.empty((3, 3))
+    fill_parts(cross, c, first, products)
+    fill_parts(outer, c, second, square)
+    if is_new:
+        find_rotation(products, R)
+    else:
+        follow_rotation(products, square, R)
+    total = np.empty((3 + ALL, 3 + ALL))
+    fill_turn_rows(first, second, square, R, total)
+    fill_vectors(gram, cross, outer, R, total)
+    square_up(total, c, out)
+
+
 @looped
 def fit_unknowns(
     gram: Array,
@@ -220,11 +253,8 @@ def fit_unknowns(
         c = factors(x)
         for k in range(K):
             if weight[k] > 0.0 or step == STEPS:
-                if step == 0 or weight[k] <= 0.0:
-                    find_rotation(cross[k], c, R[k])
-                else:
-                    follow_rotation(cross[k], outer[k], c, R[k])
-                square_up(gram[k], cross[k], outer[k], c, R[k], sums[k])
+                is_new = step == 0 or weight[k] <= 0.0
+                reduce_window(gram[k], cross[k], outer[k], c, is_new, R[k], sums[k])
         normal, right = add_up(sums, x, x, weight, floor, count, gradient)
         if step < STEPS:
             x = solve_within(normal, right, centre, prior, reach, levels)
@@ -259,7 +289,6 @@ def align(gram: Array, cross: Array, outer: Array, x: Array) -> tuple[Array, Arr
     R, out = np.zeros((K, 3, 3)), np.zeros((UNKNOWNS + 1, UNKNOWNS + 1))
     rest, c = np.zeros(K), factors(x)
     for k in range(K):
-        find_rotation(cross[k], c, R[k])
-        square_up(gram[k], cross[k], outer[k], c, R[k], out)
+        reduce_window(gram[k], cross[k], outer[k], c, True, R[k], out)
         rest[k] = out[UNKNOWNS, UNKNOWNS]
     return R, rest
