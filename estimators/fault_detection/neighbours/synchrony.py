@@ -10,6 +10,7 @@ Limits  while the hand rests, at least two other strips (four others, of a singl
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -82,19 +83,29 @@ class _Signals:
     def names(self) -> tuple[str, ...]:
         return tuple(self.now)
 
-    @cached_property
-    def sums(self) -> tuple[Array, Array, Array]:
-        """Of each window, sums of products of rates: (K, S, L, S) later by a lag and now, (K, S, L) later, (K, S) now."""
-        use = np.array([self.use[s] for s in self.names]).T[:, :, None]
-        now = np.moveaxis(np.array([self.now[s] for s in self.names]), 0, 1) * use
-        later = np.moveaxis(np.array([self.later[s] for s in self.names]), 2, 0) * use[..., None]
-        return later @ now[:, None].swapaxes(2, 3), (later**2).sum(axis=3), (now**2).sum(axis=2)
+    def left(self, spans: Sequence[tuple[float, float]]) -> list[Array]:
+        """Share (S, L, S) of each sensor's variance, read later by a lag, that each sensor's rate leaves within each span."""
+        use = np.array([self.use[s] for s in self.names])[..., None]
+        now = np.array([self.now[s] for s in self.names]) * use
+        later = np.array([self.later[s] for s in self.names]) * use[:, None]
+        edges = np.unique(spans)  # the sums of a part between two are those of many spans
+        rows = np.searchsorted(self.t, edges)
+        parts = [_sums(later[:, :, a:b], now[:, a:b]) for a, b in pairwise(rows)]
+        return [
+            _share_left(*(np.sum(each, axis=0) for each in zip(*parts[slice(*which)])))
+            for which in np.searchsorted(edges, spans)
+        ]
 
-    def left(self, span: tuple[float, float]) -> Array:
-        """Share (S, L, S) of each sensor's variance, read later by a lag, that each sensor's rate leaves within a span."""
-        inside = (self.t >= span[0]) & (self.t < span[1])
-        product, later, now = (v[inside].sum(axis=0) for v in self.sums)
-        return np.asarray(1.0 - product**2 / np.maximum(later[..., None] * now, 1e-12))
+
+def _sums(later: Array, now: Array) -> tuple[Array, Array, Array]:
+    """Sums over windows of products of rates: (S, L, S) later by a lag and now, (S, L) later, (S,) now."""
+    S, L = later.shape[:2]
+    product = later.reshape(S * L, -1) @ now.reshape(S, -1).T
+    return product.reshape(S, L, S), (later**2).sum(axis=(2, 3)), (now**2).sum(axis=(1, 2))
+
+
+def _share_left(product: Array, later: Array, now: Array) -> Array:
+    return np.asarray(1.0 - product**2 / np.maximum(later[..., None] * now, 1e-12))
 
 
 def find(pairs: Pairs, accused: Sequence[str] = ()) -> list[Delay]:
@@ -118,11 +129,12 @@ def find(pairs: Pairs, accused: Sequence[str] = ()) -> list[Delay]:
         for s in chain
     ]
     spans = _spans(signals.t)
-    single = _latest(signals, alone, spans)
+    left = signals.left(spans)
+    single = _latest(signals, alone, spans, left)
     odd = {s.partition("_")[0] for d in single for s in d.sensors}
     strips = [c for f, c in free.items() if c and f not in odd]
     together: list[_Asked] = [(strip, [o for o in strips if o is not strip]) for strip in strips]
-    return [*single, *_latest(signals, together, spans)]
+    return [*single, *_latest(signals, together, spans, left)]
 
 
 def _signals(pairs: Pairs) -> _Signals:
@@ -168,10 +180,11 @@ def _latest(
     signals: _Signals,
     groups: Sequence[_Asked],
     spans: Sequence[tuple[float, float]],
+    left: Sequence[Array],
 ) -> list[Delay]:
-    """Of each group the span that shows a lag best, where one does."""
+    """Of each group the span that shows a lag best, where one does; `left` of each span."""
     tests = len(groups) * (len(spans) + 2) * round(2 * FURTHEST / LEAST)  # lags nearer are one
-    found, left = [], [signals.left(span) for span in spans]
+    found = []
     for group, others in groups:
         tried = [
             _judged(signals, group, others, span)
