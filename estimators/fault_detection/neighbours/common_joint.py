@@ -7,6 +7,7 @@ Source  acceleration of the joint's centre seen from either segment: Seel et al.
 Limits  segments that do not turn, or a joint that does not move, tell nothing: any two sensors then agree
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -130,33 +131,44 @@ class Joint:
         """Of it (K,) what skin, scale errors and noise explain."""
         return self.couple.noise
 
-    @cached_property
-    def covariance(self) -> Array:
-        """Of the place (6, 6) m^2, of what differs from window to window: sandwich estimate, windows are independent, samples within a window are
-        not (Liang & Zeger 1986, Biometrika 73:13)."""
-        spread = (EXPECTED / self.region.sd) ** 2
-        known = np.diag(PRIOR * np.repeat([spread, spread, 1.0], 3))
-        K = int(np.count_nonzero(np.abs(self.gradient).sum(axis=1)))
-        meat = self.gradient.T @ self.gradient * K / max(K - UNKNOWNS, 1) + FLOOR**2 * known
-        inverse = np.linalg.inv(self.normal + known)
-        return np.asarray((inverse @ meat @ inverse)[:6, :6])
 
-    @cached_property
-    def systematic(self) -> Array:
-        """Of the place (6, 6) m^2, what skin and scale errors make of it in all windows: nothing shows it where a sensor is turned by the skin that
-        its neighbour pulls, or turns with its neighbour."""
-        total, couple = float(self.use.sum()), self.couple
-        if total == 0.0:
-            return EXPECTED**2 * np.eye(6)
-        w = self.use / total
-        against = float(np.sqrt(3 * (w @ couple.against)))
-        own, other = (float(np.sqrt(w @ s.turning**2)) for s in (couple.first, couple.second))
-        against = float(np.sqrt(max(against**2 - (BETWEEN * max(own, other)) ** 2, 0.0)))
-        sd = [
-            np.hypot(ARM * np.hypot(SKIN * pull, LEAST_TURNING), ACC_SCALE) / max(shown, 1e-3)
-            for shown, pull in ((own, other), (other, own), (against, max(own, other)))
-        ]
-        return np.diag(np.repeat(np.maximum(sd[:2], sd[2]) ** 2, 3))
+def place_covariances(joints: Sequence[Joint]) -> Array:
+    """Of the places (J, 6, 6) m^2 of joints of as many windows each: by what differs from window to window, and by skin and scale errors in all of them."""
+    return _scattered(joints) + _systematic(joints)
+
+
+def _scattered(joints: Sequence[Joint]) -> Array:
+    """By what differs from window to window: sandwich estimate, windows are independent, samples within a window are not (Liang & Zeger 1986,
+    Biometrika 73:13)."""
+    spread = np.array([(EXPECTED / j.region.sd) ** 2 for j in joints])
+    known = np.zeros((len(joints), UNKNOWNS, UNKNOWNS))
+    each = np.repeat(np.stack([spread, spread, np.ones(len(joints))], axis=1), 3, axis=1)
+    known[:, np.arange(UNKNOWNS), np.arange(UNKNOWNS)] = PRIOR * each
+    gradient = np.array([j.gradient for j in joints])
+    K = np.count_nonzero(np.abs(gradient).sum(axis=2), axis=1)
+    by = K / np.maximum(K - UNKNOWNS, 1)
+    meat = np.swapaxes(gradient, 1, 2) @ gradient * by[:, None, None] + FLOOR**2 * known
+    inverse = np.linalg.inv(np.array([j.normal for j in joints]) + known)
+    return np.asarray((inverse @ meat @ inverse)[:, :6, :6])
+
+
+def _systematic(joints: Sequence[Joint]) -> Array:
+    """By what skin and scale errors make of a place in all windows: nothing shows it where a sensor is turned by the skin that its neighbour pulls, or
+    turns with its neighbour."""
+    use = np.array([j.use for j in joints])
+    total = use.sum(axis=1)
+    w = use / np.maximum(total, 1e-12)[:, None]
+    square = (w * [j.couple.against for j in joints]).sum(axis=1)
+    own = np.sqrt((w * [j.couple.first.turning**2 for j in joints]).sum(axis=1))
+    other = np.sqrt((w * [j.couple.second.turning**2 for j in joints]).sum(axis=1))
+    larger = np.maximum(own, other)
+    against = np.sqrt(np.maximum(3 * square - (BETWEEN * larger) ** 2, 0.0))
+    sd = [
+        np.hypot(ARM * np.hypot(SKIN * pull, LEAST_TURNING), ACC_SCALE) / np.maximum(shown, 1e-3)
+        for shown, pull in ((own, other), (other, own), (against, larger))
+    ]
+    variance = np.where(total > 0, np.maximum(sd[:2], sd[2]) ** 2, EXPECTED**2)
+    return np.repeat(variance.T, 3, axis=1)[:, :, None] * np.eye(6)
 
 
 def fit(couple: Couple, use: Array, region: Region | None = None) -> Joint:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from handscope.estimators.fault_detection.neighbours.common_joint import place_covariances
 from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, side_sign
 from handscope.estimators.hand.geometry import HandGeometry, root_joint
@@ -68,7 +69,7 @@ def roots(pairs: Pairs) -> Roots | None:
     return Roots(
         fingers,
         np.array([R @ j.place[:3] for j in joints]),
-        np.array([R @ (j.covariance + j.systematic)[:3, :3] @ R.T for j in joints]),
+        R @ place_covariances(joints)[:, :3, :3] @ R.T,
     )
 
 
@@ -80,14 +81,8 @@ def bones(pairs: Pairs, geometry: HandGeometry) -> list[Bone]:
             if (parent, segment) in joints and (segment, child) in joints:
                 near, far = pairs.joint(parent, segment), pairs.joint(segment, child)
                 R = side_sign(geometry.hand) * quat.matrix(pairs.q_BS[segment])
-                covariance = (
-                    R
-                    @ (
-                        (near.covariance + near.systematic)[3:, 3:]
-                        + (far.covariance + far.systematic)[:3, :3]
-                    )
-                    @ R.T
-                )
+                of_near, of_far = place_covariances([near, far])
+                covariance = R @ (of_near[3:, 3:] + of_far[:3, :3]) @ R.T
                 along = float((R @ (far.place[:3] - near.place[3:]))[1])
                 found.append(
                     Bone(

@@ -6,6 +6,7 @@ Source  ours: a test for a break (Chow 1960, Econometrica 28:591) at several ins
 Limits  a turn about the line from the sensor to its only joint is not seen; gentle movement does not tell places well enough
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,24 +42,18 @@ class Slip:
 def find(pairs: Pairs) -> Slip | None:
     """The most certain slip, with the probability of such a change without any."""
     begin, end = float(pairs.series.t[0]), float(pairs.series.t[-1])
-    best: tuple[float, str, Array, float] | None = None
-    for share in SPLITS:
-        at = begin + share * (end - begin)
-        halves = {
-            j: (pairs.joint_within(*j, (begin, at)), pairs.joint_within(*j, (at, end)))
-            for j in pairs.joints
-        }
-        for sensor in pairs.series.sensors:
-            turn, gain = _turned(
-                [(b, a, 0 if j[0] == sensor else 3) for j, (b, a) in halves.items() if sensor in j]
-            )
-            if best is None or gain > best[0]:
-                best = gain, sensor, turn, at
-    if best is None or not LEAST < np.linalg.norm(best[2]) < MOST:
+    if not pairs.joints:
         return None
-    gain, sensor, turn, at = best
-    p = float(chi2_sf(gain, 3)) * len(SPLITS) * len(pairs.series.sensors)
-    return Slip(sensor, turn, at, min(1.0, p))
+    at = begin + np.array(SPLITS) * (end - begin)
+    before = [pairs.joint_within(*j, (begin, t)) for t in at for j in pairs.joints]
+    after = [pairs.joint_within(*j, (t, end)) for t in at for j in pairs.joints]
+    turns, gains = _turned(pairs, before, after)
+    split, sensor = np.unravel_index(int(np.argmax(gains)), gains.shape)
+    turn = turns[split, sensor]
+    if not LEAST < np.linalg.norm(turn) < MOST:
+        return None
+    p = float(chi2_sf(float(gains[split, sensor]), 3)) * gains.size
+    return Slip(pairs.series.sensors[sensor], turn, float(at[split]), min(1.0, p))
 
 
 def find_jump(pairs: Pairs) -> Slip | None:
@@ -124,21 +119,20 @@ def _jump(pairs: Pairs, joint: tuple[str, str], found: Joint, k: int) -> tuple[A
     return turn, when, float(f_sf(ratio, 3, free))
 
 
-def _turned(changes: list[tuple[Joint, Joint, int]]) -> tuple[Array, float]:
-    """The turn (3,) rad of a sensor that explains best how its joints moved in its frame, and by how much (sum of squares) it does."""
-    normal, right = np.eye(3) / TURN_SD**2, np.zeros(3)
-    for before, after, at in changes:
-        own = slice(at, at + 3)
-        covariance = (before.covariance + after.covariance)[own, own] + (
-            before.systematic + after.systematic
-        )[own, own]
-        information = np.linalg.inv(covariance + TOLERATED**2 * np.eye(3))
-        lever = quat.skew(
-            before.place[own]
-        )  # a frame turned by a small rotation v sees the place r moved by r x v
-        normal, right = (
-            normal + lever.T @ information @ lever,
-            right + lever.T @ information @ (after.place - before.place)[own],
-        )
-    turn = np.linalg.solve(normal, right)
-    return np.asarray(turn), float(right @ turn)
+def _turned(pairs: Pairs, before: Sequence[Joint], after: Sequence[Joint]) -> tuple[Array, Array]:
+    """The turns (splits, S, 3) rad of each sensor that explain best how its joints moved in its frame, and by how much (splits, S), sum of squares, they do."""
+    ends = [s for joint in pairs.joints for s in joint]
+    is_of = np.array([[end == s for end in ends] for s in pairs.series.sensors], float)
+    place, later = (
+        np.array([j.place for j in js]).reshape(-1, len(ends), 3) for js in (before, after)
+    )
+    covariance = common_joint.place_covariances(before) + common_joint.place_covariances(after)
+    own = np.stack([covariance[:, :3, :3], covariance[:, 3:, 3:]], axis=1)
+    information = np.linalg.inv(own + TOLERATED**2 * np.eye(3)).reshape(*place.shape, 3)
+    # a frame turned by a small rotation v sees the place r moved by r x v
+    lever = quat.skew(place)
+    by = np.swapaxes(lever, -1, -2) @ information
+    normal = (is_of @ (by @ lever).reshape(*place.shape[:2], 9)).reshape(*place.shape[:1], -1, 3, 3)
+    right = is_of @ (by @ (later - place)[..., None])[..., 0]
+    turn = np.linalg.solve(normal + np.eye(3) / TURN_SD**2, right[..., None])[..., 0]
+    return turn, (right * turn).sum(axis=-1)
