@@ -263,7 +263,7 @@ class Station:
             else [],
             task_number=self._task_number(),
             sensor_faults=self.sensor_faults,
-            findings=self.checks.found,
+            findings=(*self.tracking.turned(), *self.checks.found),
             trackers=self.glove.trackers,
             ended=self.ended,
         )

@@ -32,6 +32,7 @@ from handscope.estimators.data.calibration import Calibration, CalibrationSource
 from handscope.estimators.data.findings import Finding
 from handscope.estimators.data.samples import ORIENTATION, Block, join, join_consecutive
 from handscope.estimators.data.trajectory import Flag, Trajectory
+from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.typing import Array
@@ -41,7 +42,8 @@ from handscope.estimators.orientation.given_orientations import (
     rate_orientations,
     require_rates,
 )
-from handscope.estimators.pipeline.method import Method
+from handscope.estimators.pipeline.method import Method, notices_mounting_changes
+from handscope.estimators.pipeline.mounting_changes import of_change
 from handscope.estimators.pipeline.recording_calibration import with_known
 from handscope.estimators.sensors import fault_detection
 
@@ -282,6 +284,13 @@ class Tracking:
         """Start from an existing calibration."""
         with self._lock:
             self._begin(calibration)
+
+    def turned(self) -> tuple[Suspicion, ...]:
+        """Sensors that the method has found to turn on their segments since the newest calibration."""
+        method, state = self.method, self._state
+        if state is None or not notices_mounting_changes(method):
+            return ()
+        return tuple(of_change(c) for c in method.mounting_changes(state))
 
     def motion(self) -> dict[str, Motion]:
         """Movement of each sensor in the last second, by segment."""

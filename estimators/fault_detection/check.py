@@ -8,12 +8,10 @@ Limits  those of the checks: single_sensors/ and neighbours/. Sensors against ea
 from collections.abc import Sequence
 
 from handscope.estimators.data.calibration import Calibration
-from handscope.estimators.data.findings import Finding
 from handscope.estimators.data.samples import Block, Recording
 from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.neighbours import check_neighbours
 from handscope.estimators.fault_detection.single_sensors.check_sensors import check_sensors
-from handscope.estimators.fault_detection.words import sentence
 
 
 def check_recording(
@@ -53,21 +51,4 @@ def check_recording(
             calibrations,
             declared.events,
         ),
-    ]
-
-
-def as_findings(suspicions: Sequence[Suspicion]) -> list[Finding]:
-    """A finding for each sensor of each suspicion, with the same sentence; questions about the person flag nothing and are left out."""
-    return [
-        Finding(
-            sensor=sensor,
-            kind=s.message.code,
-            sentence=sentence(s.message),
-            fix="",
-            severity="fault" if s.message.severity == "fault" else "warning",
-            spans=s.spans,
-        )
-        for s in suspicions
-        if s.message.severity != "info"
-        for sensor in s.sensors
     ]

@@ -46,6 +46,9 @@ class ChainState(NamedTuple):
     initial_vertical: Array
     current_vertical: Array
     compliance_stats: Array
+    reference_compliance: Array
+    mounting_score: Array
+    mounting_information: Array
 
 
 @inlined
@@ -81,4 +84,7 @@ def chain_of(chains: ChainState, f: int) -> ChainState:
         chains.initial_vertical[f],
         chains.current_vertical[f],
         chains.compliance_stats[f],
+        chains.reference_compliance[f],
+        chains.mounting_score[f],
+        chains.mounting_information[f],
     )

@@ -13,9 +13,11 @@ from functools import cache
 
 import numpy as np
 
+from handscope.estimators.data.mounting_change import MountingChange
 from handscope.estimators.data.options import option
 from handscope.estimators.finger_ekf import (
     hand_bias,
+    mounting_change,
     sensor_to_segment,
 )
 from handscope.estimators.finger_ekf.chain_state import ChainState, Joints, Window
@@ -75,6 +77,12 @@ class FilterParams(UpdateParams, SensorToSegmentParams, MagnetometerParams):
         "what the pose leaves of a gyroscope's bias beside what its samples' scatter tells: turning that is the same all the time",
         "0.009 fits 16 sensors on a person who stands still best (qmt's full-body example): docs/decisions/0009-sizes-of-errors.md",
         least=1e-6,
+    )
+    mounting_changes: bool = option(
+        True,
+        "",
+        "notice a sensor that turns on its segment, and count its mounting as unknown by as much from then on",
+        "ours: docs/decisions/0018-turned-sensors.md",
     )
     shared_bias: bool = option(
         True,
@@ -148,8 +156,14 @@ class State:
     )
     # (F, 3, 2) weighted squared residuals of the forbidden axes, rad^2, and the sum of weights
     compliance_stats: Array
+    reference_compliance: Array  # (F, 3, 2) the same as it was before a step that is looked for
+    # (F, 4, 3) rad^-1 and (F, 4, 3, 3) rad^-2, of a step in each sensor's mounting, since the last block
+    mounting_score: Array
+    mounting_information: Array
     is_hand: bool = False  # the chains are the thumb, the four fingers and the wrist of one hand
     reported: hand_bias.Reported | None = None  # None: nothing yet
+    history: mounting_change.History | None = None  # None: nothing yet
+    mounting_changes: tuple[MountingChange, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -199,6 +213,9 @@ def start(
         nothing,
         nothing,
         np.zeros((chains, 3, 2)),
+        np.zeros((chains, 3, 2)),
+        np.zeros((chains, 4, 3)),
+        np.zeros((chains, 4, 3, 3)),
         is_hand,
     )
 
@@ -239,6 +256,8 @@ def step(params: FilterParams, state: State, samples: Samples) -> tuple[State, E
             )
             if params.shared_bias and state.is_hand:
                 state = _share_bias(params, state)
+            if params.mounting_changes and state.is_hand:
+                state = _look_for_mounting_change(state)
             update_rows.append(first - 1)
             P.append(P_joints)
     return state, Estimate(
@@ -301,6 +320,39 @@ def _share_bias(params: FilterParams, state: State) -> State:
     for of_all, of_thumb in zip(chains, hand_bias.corrected(thumb, *gained)):
         of_all[hand_bias.THUMB] = of_thumb
     return replace(state, **chains._asdict())
+
+
+def _look_for_mounting_change(state: State) -> State:
+    """Close a block of what tells of turned sensors, if it is time, and widen the mounting of one that has turned."""
+    history = state.history
+    if history is None:
+        return replace(state, history=mounting_change.begin(state.t))
+    if state.t < history.end + mounting_change.BLOCK - 1e-9:
+        return state
+    history = mounting_change.extend(
+        history,
+        state.t,
+        state.mounting_score,
+        state.mounting_information,
+        state.compliance_stats,
+    )
+    before, change = mounting_change.compliance_before(history), mounting_change.find(history)
+    state = replace(
+        state,
+        history=history,
+        reference_compliance=before,
+        mounting_score=np.zeros_like(state.mounting_score),
+        mounting_information=np.zeros_like(state.mounting_information),
+    )
+    if change is None:
+        return state
+    return replace(
+        state,
+        P=mounting_change.widen(change, state.P),
+        compliance_stats=before,
+        history=mounting_change.begin(state.t),
+        mounting_changes=(*state.mounting_changes, change),
+    )
 
 
 def _copies(

@@ -9,11 +9,8 @@ Limits  what follows flexion is absorbed by mounting and soft-tissue gain (senso
 
 import math
 
-import numpy as np
-
 from handscope.estimators.finger_ekf.kernel_params import KernelParams
 from handscope.estimators.numerics.jit import inlined
-from handscope.estimators.numerics.small_matrices import variance_of
 from handscope.estimators.numerics.typing import Array
 
 ASSUMED = 2.0  # weight of the option in samples: one for each axis of a hinge
@@ -33,10 +30,10 @@ def compliance_variance_row(p: KernelParams, compliance_stats: Array, variance: 
 
 @inlined
 def update_compliance_row(
-    p: KernelParams, q_before: Array, q: Array, P: Array, free: Array, variance: Array, span: float,
-    innovation: Array, H: Array, noise: Array, compliance_stats: Array,
+    p: KernelParams, q_before: Array, q: Array, own_variance: Array, free: Array, variance: Array, span: float,
+    innovation: Array, noise: Array, compliance_stats: Array,
 ) -> None:  # fmt: skip
-    """Update `compliance_stats` from rows 9..17 and enlarge the noise of unlikely residuals. Rotations between sensors (3, 4) before and after the window."""
+    """Update `compliance_stats` from rows 9..17, whose variances `own_variance` (9,) the filter's errors make, and enlarge the noise of unlikely residuals. Rotations between sensors (3, 4) before and after the window."""
     lasts = max(1.0, p.correlation / span)
     for j in range(3):
         cosine = abs(
@@ -48,8 +45,8 @@ def update_compliance_row(
         share = min(1.0 / lasts, 2 * math.acos(min(cosine, 1.0)) / ANOTHER)
         for a in range(3):
             row = 9 + 3 * j + a
-            if free[j, a] == 0 and np.any(H[row] != 0.0):
-                own = variance_of(H[row], P) + noise[row, row] / lasts - variance[j]
+            if own_variance[row - 9] > 0 and free[j, a] == 0:
+                own = own_variance[row - 9] + noise[row, row] / lasts - variance[j]
                 weight = share * (variance[j] / (own + variance[j])) ** 2
                 compliance_stats[j, 0] += weight * (innovation[row] ** 2 - own)
                 compliance_stats[j, 1] += weight

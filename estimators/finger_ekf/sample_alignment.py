@@ -19,8 +19,8 @@ from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.samples import ACC, GYR, MAG, SATURATION, Block, Stream, exceeds_row
 from handscope.estimators.data.trajectory import Flag
 from handscope.estimators.finger_ekf.filter import Samples
+from handscope.estimators.finger_ekf.mounting_change import SENSORS
 from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
-from handscope.estimators.hand.forward_kinematics import CHAIN_SEGMENTS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.jit import inlined, looped, rowwise
@@ -30,9 +30,6 @@ from handscope.estimators.orientation.resampling import Rows
 from handscope.estimators.sensors.missing_samples import is_complete_row
 
 MISSING, UNSURE = int(Flag.MISSING), int(Flag.MISSING | Flag.SATURATED)
-_WRIST = [SEGMENT[s] for s in ("forearm", "hand", "hand", "hand")]
-# (6, 4) segments of each chain's sensors
-SENSORS = np.vstack([np.column_stack([np.full(5, SEGMENT["hand"]), CHAIN_SEGMENTS]), _WRIST])
 # (6, 3) 1 for joints: the wrist's chain has one
 _JOINTS = np.array([[1.0] * 3] * 5 + [[1.0, 0.0, 0.0]])
 

@@ -13,6 +13,7 @@ from handscope.estimators.finger_ekf import (
     inclination_noise,
     joint_compliance,
     magnetic_heading,
+    mounting_change,
     preintegration,
     sensor_to_segment,
     zero_rate_update,
@@ -33,7 +34,7 @@ from handscope.estimators.finger_ekf.sensor_to_segment import (
 )
 from handscope.estimators.numerics.jit import inlined, looped, rowwise
 from handscope.estimators.numerics.kalman import correct
-from handscope.estimators.numerics.small_matrices import put, spread
+from handscope.estimators.numerics.small_matrices import put, spread, variance_of
 from handscope.estimators.numerics.typing import Array
 
 MAX_GAP_VARIANCE = (
@@ -294,16 +295,30 @@ def _correct_chain(
         H,
         noise,
     )
+    own_variance = np.zeros(9)
+    for row in range(9):
+        if joints.free[row // 3, row % 3] == 0:
+            own_variance[row] = variance_of(H[9 + row], chain.P)
+    mounting_change.accumulate_row(
+        p,
+        own_variance,
+        chain.reference_compliance,
+        joints.free,
+        span,
+        innovation,
+        H,
+        chain.mounting_score,
+        chain.mounting_information,
+    )
     joint_compliance.update_compliance_row(
         p,
         q_before,
         chain.q_pc,
-        chain.P,
+        own_variance,
         joints.free,
         compliance_variance,
         span,
         innovation,
-        H,
         noise,
         chain.compliance_stats,
     )

@@ -18,14 +18,15 @@ import numpy as np
 
 from handscope.estimators.alignment import functional_movements
 from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.mounting_change import MountingChange
 from handscope.estimators.data.options import option
 from handscope.estimators.data.samples import ACC, GYR, Block, Stream
 from handscope.estimators.data.trajectory import Flag, Trajectory, empty, join
 from handscope.estimators.finger_ekf import filter as finger_ekf_filter
 from handscope.estimators.finger_ekf import output_covariance, pose_inference, sample_alignment
 from handscope.estimators.finger_ekf.filter import FilterParams
+from handscope.estimators.finger_ekf.mounting_change import SENSORS
 from handscope.estimators.finger_ekf.output_covariance import JOINTS_OF
-from handscope.estimators.finger_ekf.sample_alignment import SENSORS
 from handscope.estimators.finger_ekf.sensor_to_segment import SensorToSegmentPrior
 from handscope.estimators.hand import joint_angles, length_covariance
 from handscope.estimators.hand import pose as hand_pose
@@ -42,7 +43,7 @@ from handscope.estimators.pipeline.method import Capabilities
 from handscope.estimators.sensors import magnetometer_resampling
 
 TITLE = phrase("method_title.ekf")
-CAPABILITIES = Capabilities(needs_pose=True, gives_covariance=True)
+CAPABILITIES = Capabilities(needs_pose=True, gives_covariance=True, notices_mounting_changes=True)
 LOST, _FOREARM, _HAND = np.uint8(Flag.HEADING_LOST), SEGMENT["forearm"], SEGMENT["hand"]
 
 
@@ -224,6 +225,11 @@ def release(params: Params, state: State, patience: float) -> tuple[State, Traje
     rows, given = resampling.release(state.rows, patience)
     state, piece = _hand(params, replace(state, rows=rows), given)
     return state, join([*pieces, piece], state.calibration.hand)
+
+
+def mounting_changes(state: State) -> tuple[MountingChange, ...]:
+    """Sensors that were found to have turned on their segments since the state began."""
+    return state.chains.mounting_changes
 
 
 def finish(params: Params, state: State) -> tuple[State, Trajectory]:

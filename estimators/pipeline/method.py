@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol, TypeGuard, TypeVar
 
 from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.mounting_change import MountingChange
 from handscope.estimators.data.samples import Block, Recording, Stream
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.messages.sentence import phrase
@@ -23,6 +24,7 @@ class Capabilities:
     takes_orientations: bool = False  # a stream may bring orientations in place of rates
     batch_only: bool = False  # it solves whole recordings and does not step through blocks
     gives_covariance: bool = False  # angles and tips come with standard deviations
+    notices_mounting_changes: bool = False  # it finds sensors that turn on their segments
 
 
 WORDS: Mapping[str, str] = {  # of each capability, for lists of methods
@@ -69,6 +71,12 @@ class Method(AnyMethod[P], Protocol[P, S]):
     def finish(self, params: P, state: S, /) -> tuple[S, Trajectory]: ...
 
 
+class NoticesMountingChanges(Protocol):
+    """A method that finds sensors which turn on their segments."""
+
+    def mounting_changes(self, state: object, /) -> tuple[MountingChange, ...]: ...
+
+
 class BatchMethod(AnyMethod[P], Protocol[P]):
     """A method that needs the whole recording, calibrations included."""
 
@@ -85,3 +93,8 @@ def solves_whole(method: AnyMethod[P]) -> TypeGuard[BatchMethod[P]]:
 def steps_through(method: AnyMethod[P]) -> TypeGuard[Method[P, object]]:
     """Whether the method steps through blocks, live or not."""
     return not method.CAPABILITIES.batch_only
+
+
+def notices_mounting_changes(method: AnyMethod[P]) -> TypeGuard[NoticesMountingChanges]:
+    """Whether the method finds sensors which turn on their segments."""
+    return method.CAPABILITIES.notices_mounting_changes

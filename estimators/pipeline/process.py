@@ -15,9 +15,11 @@ from handscope.estimators.data import trajectory
 from handscope.estimators.data.calibration import Calibration, PriorCalibration
 from handscope.estimators.data.findings import Finding, whole_streams
 from handscope.estimators.data.magnet_streams import find_magnetometers
+from handscope.estimators.data.mounting_change import MountingChange
 from handscope.estimators.data.samples import ORIENTATION, Block, Recording, WholeRecording
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.fault_detection.finding import Suspicion
+from handscope.estimators.fault_detection.words import as_findings
 from handscope.estimators.force import fingertip_forces
 from handscope.estimators.orientation.given_orientations import (
     GivenParams,
@@ -26,7 +28,13 @@ from handscope.estimators.orientation.given_orientations import (
 )
 from handscope.estimators.pipeline.flags import flag_faults, flag_guesses, flag_warnings
 from handscope.estimators.pipeline.losses import mark_losses
-from handscope.estimators.pipeline.method import AnyMethod, solves_whole, steps_through
+from handscope.estimators.pipeline.method import (
+    AnyMethod,
+    notices_mounting_changes,
+    solves_whole,
+    steps_through,
+)
+from handscope.estimators.pipeline.mounting_changes import of_change
 from handscope.estimators.pipeline.recording_calibration import (
     calibrate,
     initial_poses,
@@ -53,7 +61,7 @@ class Processed:
     ] = ()  # of the warnings those of the method or of calibrating, in their order
     suspicions: tuple[
         Suspicion, ...
-    ] = ()  # of the checks (check.py), where they ran; among findings
+    ] = ()  # of the method, and of the checks (check.py) where they ran; among findings
 
 
 def process(
@@ -77,10 +85,12 @@ def process(
     scales_declared = _limits_known(recording)
     if scales := saturation.find_full_scales(whole_of(recording)):
         recording = saturation.WithFullScales(recording, scales)
+    changes: list[MountingChange] = []
     movement, calibrations, warnings = _estimate(
-        method, params, recording, calibration_recording, progress, known
+        method, params, recording, calibration_recording, progress, known, changes.extend
     )
-    findings = findings_of(recording, calibrations)
+    noticed = tuple(of_change(c) for c in changes)
+    findings = (*findings_of(recording, calibrations), *as_findings(noticed))
     measured = [b for b in whole_of(recording) if ORIENTATION not in b.stream.quantities]
     if method.CAPABILITIES.needs_pose:
         flag_guesses(movement, calibrations)
@@ -109,7 +119,12 @@ def process(
     messages += [*of_forces, *of_place]
     mark_losses(movement, whole_of(recording))
     return Processed(
-        movement, tuple(calibrations), tuple(dict.fromkeys(messages)), findings, tuple(warnings)
+        movement,
+        tuple(calibrations),
+        tuple(dict.fromkeys(messages)),
+        findings,
+        tuple(warnings),
+        noticed,
     )
 
 
@@ -132,8 +147,9 @@ def _estimate(
     calibration_recording: Recording | None,
     progress: Callable[[float], None],
     known: PriorCalibration | None,
+    on_changes: Callable[[Sequence[MountingChange]], None],
 ) -> tuple[Trajectory, list[Calibration], list[str]]:
-    """The movement, what it was calibrated with, and what is said of that."""
+    """The movement, what it was calibrated with, and what is said of that; `on_changes` is given the sensors that turned since each calibration."""
     if solves_whole(method):
         return method.solve(params, recording, progress)
     assert steps_through(method)
@@ -143,7 +159,12 @@ def _estimate(
     if isinstance(params, GivenParams):
         calibrations, fused_elsewhere = rate_orientations(params, calibrations)
         warnings = [*warnings, *fused_elsewhere]
-    pieces = run(method, params, calibrations, recording)
+
+    def notice(state: object) -> None:
+        if notices_mounting_changes(method):
+            on_changes(method.mounting_changes(state))
+
+    pieces = run(method, params, calibrations, recording, notice)
     movement = trajectory.join(_with_progress(pieces, _span(recording), progress), recording.hand)
     return movement, calibrations, warnings
 

@@ -6,7 +6,7 @@ filters settle while the hand is still): time runs the other way, so angular rat
 biases change their sign.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Protocol, TypeVar
 
@@ -34,10 +34,14 @@ class Samples(Protocol):
 
 
 def run(
-    method: Method[P, S], params: P, calibrations: Sequence[Calibration], samples: Samples
+    method: Method[P, S],
+    params: P,
+    calibrations: Sequence[Calibration],
+    samples: Samples,
+    on_end: Callable[[S], None] = lambda state: None,
 ) -> Iterator[Trajectory]:
     """Pieces of the trajectory in order of time; every calibration (in order of time) serves until
-    the next one."""
+    the next one. `on_end` is given the state in which each but what lies before the first ends."""
     first = calibrations[0]
     before = [
         b.between(-np.inf, first.end) for b in samples.blocks() if len(b.t) and b.t[0] < first.end
@@ -54,6 +58,7 @@ def run(
             calibration,
             samples.streams,
             (b.between(calibration.t, end) for b in samples.blocks()),
+            on_end,
         )
 
 
@@ -63,13 +68,15 @@ def _forwards(
     calibration: Calibration,
     streams: tuple[Stream, ...],
     blocks: Iterable[Block],
+    on_end: Callable[[S], None] = lambda state: None,
 ) -> Iterator[Trajectory]:
     state = method.start(params, calibration, streams)
     for block in blocks:
         for part in block.parts(PIECE):
             state, piece = method.step(params, state, part)
             yield piece
-    _, piece = method.finish(params, state)
+    state, piece = method.finish(params, state)
+    on_end(state)
     yield piece
 
 

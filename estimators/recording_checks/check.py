@@ -16,9 +16,9 @@ from handscope.estimators.data.findings import Finding
 from handscope.estimators.data.samples import Recording
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.errors import InputError
-from handscope.estimators.fault_detection.check import as_findings, check_recording
+from handscope.estimators.fault_detection.check import check_recording
 from handscope.estimators.fault_detection.finding import Suspicion
-from handscope.estimators.fault_detection.words import sentence
+from handscope.estimators.fault_detection.words import as_findings, sentence
 from handscope.estimators.hand.anatomy import SEGMENT
 from handscope.estimators.methods import m2
 from handscope.estimators.pipeline.process import Processed, whole_of
@@ -32,11 +32,17 @@ EDGE = 0.1  # s: checks look at windows, so a fault begins a little earlier and 
 def check_processed(processed: Processed, recording: Recording) -> Processed:
     """Check the recording, flag the segments of sensors that are at fault, and append the messages.
 
-    Flags are written into the trajectory in place; standard deviations are widened (data/deviations.py).
+    What the method noticed itself of a turned sensor stands for what the checks say of it. Flags are written into the trajectory in place; standard deviations are widened (data/deviations.py).
     """
-    suspicions = suspicions_of(recording, processed.calibrations)
+    noticed = processed.suspicions
+    turned = {sensor for s in noticed for sensor in s.sensors}
+    suspicions = [
+        s
+        for s in suspicions_of(recording, processed.calibrations)
+        if not (s.message.code == "sensor.slipped" and turned & {*s.sensors})
+    ]
     findings = as_findings(suspicions)
-    flag_segments(processed.trajectory, findings)
+    flag_segments(processed.trajectory, [*as_findings(noticed), *findings])
     trajectory = processed.trajectory
     if trajectory.angles_sd is not None:
         trajectory = replace(
@@ -48,7 +54,7 @@ def check_processed(processed: Processed, recording: Recording) -> Processed:
         trajectory=trajectory,
         warnings=tuple(messages),
         findings=(*processed.findings, *findings),
-        suspicions=tuple(suspicions),
+        suspicions=(*noticed, *suspicions),
     )
 
 

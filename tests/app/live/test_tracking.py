@@ -23,9 +23,11 @@ from handscope.estimators.methods import ekf, m2
 from handscope.estimators.orientation import zupt_navigation
 from handscope.estimators.pipeline import process as pipeline_process
 from handscope.estimators.pipeline.method import Method
+from handscope.estimators.simulation import experiments
 from handscope.estimators.simulation.movements import functional_calibration, task_performance
 from handscope.estimators.simulation.person import draw_person
 from handscope.estimators.simulation.scenario import simulate_performances
+from handscope.estimators.simulation.sensors import SensorErrors
 from tests.app.devices.virtual import wait_for
 from tests.estimators.alignment.functional import ANYHOW
 from tests.oriented import oriented_strips
@@ -446,3 +448,30 @@ def test_a_method_that_needs_rates_refuses_orientations_live() -> None:
     pose = initial_pose.pose_of(recording.events[0])
     with tracking, pytest.raises(InputError, match="orientations alone; use m2"):
         play(tracking, {n: b.between(0.0, 6.0) for n, b in recording.samples.items()}, pose)
+
+
+def test_a_sensor_that_turns_while_the_hand_moves_is_told_live_until_the_next_pose() -> None:
+    recording = experiments.record_experiment(
+        experiments.EXPERIMENTS["tapping"],
+        np.random.default_rng([1, 3]),
+        SensorErrors(slip=17.0, slipping=1),
+        None,
+        "left",
+    )
+    tracking = Tracking(ekf, ekf.Params(), "left", recording.geometry, lambda rows: None)
+    pose, told = initial_pose.pose_of(recording.events[0]), []
+    with tracking:
+        for blocks in pieces(dict(recording.samples), length=0.2):
+            tracking._process(blocks)  # as if each had been waited for
+            newest = float(blocks[0].t[-1])
+            if tracking.calibration is None and newest > pose.end + 0.5:
+                tracking.calibrate(pose)
+            told.append((newest, tracking.turned()))
+        turned = 0.5 * float(recording.truth.t[-1])
+        assert not any(found for t, found in told if t < turned)
+        first = next(t for t, found in told if found)
+        assert first < turned + 10.0
+        (found,) = tracking.turned()
+        assert (found.message.code, found.sensors) == ("sensor.turned", ("thumb_distal",))
+        tracking.guess()
+        assert tracking.turned() == ()

@@ -98,9 +98,8 @@ def _learnt(seemed: Array, known: float, turned: float) -> Array:
         np.empty(3),
         np.tile([1.0, 0.0, 0.0], (3, 1)),
     )
-    P, H, innovation = (known * DEG) ** 2 * np.eye(43), np.zeros((18, 43)), np.zeros(18)
+    own_variance, innovation = np.full(9, (known * DEG) ** 2), np.zeros(18)
     rows = 9 + 3 * np.arange(3)[:, None] + [1, 2]
-    H[rows.ravel(), range(6)] = 1.0
     before, after = np.tile(quat.IDENTITY, (3, 1)), quat.about(2, np.full(3, turned))
     for one in seemed:
         joint_compliance.compliance_variance_row(NUMBERS, compliance_stats, variance)
@@ -109,7 +108,16 @@ def _learnt(seemed: Array, known: float, turned: float) -> Array:
             np.diag(np.repeat([0.0, 5.0], 9) * np.repeat(np.append(np.ones(3), variance), 3)),
         )
         joint_compliance.update_compliance_row(
-            NUMBERS, before, after, P, free, variance, 0.2, innovation, H, noise, compliance_stats
+            NUMBERS,
+            before,
+            after,
+            own_variance,
+            free,
+            variance,
+            0.2,
+            innovation,
+            noise,
+            compliance_stats,
         )
     joint_compliance.compliance_variance_row(NUMBERS, compliance_stats, variance)
     return np.sqrt(variance) / DEG
