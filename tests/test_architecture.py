@@ -89,6 +89,7 @@ LEVELS = {  # a package imports packages of lower levels only
         "clinic hand_photographs treatment assessment_plans",
         "wards gloves",
         "store",
+        "login",
     ),
     "handscope.app": (
         "language protocols devices",

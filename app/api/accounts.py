@@ -22,7 +22,7 @@ from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic import accounts, audit, second_factors
 from handscope.sessions.clinic.accounts import LOCAL
 from handscope.sessions.db.tables import HOUSE, Account, AuditLine
-from handscope.sessions.store import logins
+from handscope.sessions.login import logins
 from handscope.sessions.wards import account_changes, wards
 
 UNGUARDED = phrase("audit.no_triggers")

@@ -21,7 +21,7 @@ from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic.pseudonyms import UnconfirmedError
 from handscope.sessions.db.conflicts import ConflictError
 from handscope.sessions.db.full_disk import FULL, is_full
-from handscope.sessions.store.throttle import ThrottledError
+from handscope.sessions.login.throttle import ThrottledError
 
 TOO_LARGE = phrase("server.number_too_large")
 BY_STATUS = {  # what Starlette answers by itself

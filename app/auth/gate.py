@@ -23,7 +23,7 @@ from handscope.app.settings import Settings
 from handscope.app.state import preferred
 from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic.second_factors import lacks_required
-from handscope.sessions.store.logins import find_login, new_token
+from handscope.sessions.login.logins import find_login, new_token
 from handscope.sessions.store.store import Store
 from handscope.sessions.wards import wards
 

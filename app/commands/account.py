@@ -12,7 +12,7 @@ from handscope.app.commands.words import add_actions, say
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import accounts, audit, second_factors
 from handscope.sessions.clinic.accounts import LOCAL, ROLES
-from handscope.sessions.store import logins
+from handscope.sessions.login import logins
 from handscope.sessions.wards import wards
 
 ACTIONS = {

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from handscope.app.commands.words import default_data, say
 from handscope.estimators.errors import InputError
-from handscope.sessions.store.logins import new_token
+from handscope.sessions.login.logins import new_token
 
 
 def add(parser: argparse.ArgumentParser) -> None:

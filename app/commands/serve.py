@@ -25,9 +25,9 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.messages.system import describe
 from handscope.sessions.clinic.accounts import ROLES
 from handscope.sessions.clinic.second_factors import MISSING
+from handscope.sessions.login.logins import TOKEN_LIFE, new_token
 from handscope.sessions.store.folder_lock import hold_folder
 from handscope.sessions.store.folder_privacy import keep_private
-from handscope.sessions.store.logins import TOKEN_LIFE, new_token
 
 DEFAULT_PORT = 8420
 IDLE, LONGEST = 4.0, 24.0  # h of a login

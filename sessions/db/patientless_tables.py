@@ -55,7 +55,7 @@ class ErasedFile(Base):
 
 
 class Attempt(Base):
-    """A try of a password, counted before it was checked (sessions/store/logins.py)."""
+    """A try of a password, counted before it was checked (sessions/login/logins.py)."""
 
     __tablename__ = "attempt"
 

@@ -13,7 +13,7 @@ from sqlalchemy.exc import IntegrityError
 from handscope.app.private_log import LINE, PrivateFormatter
 from handscope.sessions.clinic import patients
 from handscope.sessions.db.tables import Login, now
-from handscope.sessions.store.logins import TOUCH_EVERY
+from handscope.sessions.login.logins import TOUCH_EVERY
 from handscope.sessions.store.store import open_store, store_at
 from tests.faults.victim import Victim
 from tests.security.conftest import locked, log_of, status_of

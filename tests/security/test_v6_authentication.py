@@ -10,10 +10,10 @@ from argon2 import PasswordHasher
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import accounts
 from handscope.sessions.db.tables import AuditLine, Login, now
-from handscope.sessions.store import logins, throttle
-from handscope.sessions.store.logins import MOST, MOST_OF_ADDRESS, REPORTED
+from handscope.sessions.login import logins, throttle
+from handscope.sessions.login.logins import MOST, MOST_OF_ADDRESS, REPORTED
+from handscope.sessions.login.throttle import LONGEST_WAIT, WINDOW, ThrottledError
 from handscope.sessions.store.store import Store, open_store
-from handscope.sessions.store.throttle import LONGEST_WAIT, WINDOW, ThrottledError
 
 GOOD = "seven hands on a table"
 

@@ -13,7 +13,7 @@ from handscope.app.server import create_app
 from handscope.app.settings import Settings
 from handscope.sessions.clinic import accounts, second_factors
 from handscope.sessions.db.tables import Attempt, AuditLine, SecondFactor, now
-from handscope.sessions.store import logins
+from handscope.sessions.login import logins
 
 pyotp = pytest.importorskip("pyotp")
 pytest.importorskip("segno")

@@ -20,7 +20,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic import accounts, second_factors
 from handscope.sessions.db.tables import Account, now
-from handscope.sessions.store import logins
+from handscope.sessions.login import logins
 from handscope.sessions.store.database import require_writable
 
 router = APIRouter(tags=["login"], dependencies=[requires_role(ANYBODY)])

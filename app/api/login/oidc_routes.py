@@ -26,7 +26,7 @@ from handscope.app.state import Db, PartsDep
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import accounts, audit
 from handscope.sessions.clinic.audit import AuditEvent
-from handscope.sessions.store import logins
+from handscope.sessions.login import logins
 
 log = logging.getLogger(__name__)
 router = APIRouter(include_in_schema=False, dependencies=[requires_role(ANYBODY)])

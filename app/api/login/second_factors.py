@@ -13,7 +13,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic import accounts, second_factors
 from handscope.sessions.db.tables import Account
-from handscope.sessions.store import logins
+from handscope.sessions.login import logins
 
 router = APIRouter(prefix="/me", tags=["accounts"], dependencies=[requires_role(*EVERY_ACCOUNT)])
 EXPIRED = phrase("login.passkey_too_late")

@@ -39,7 +39,8 @@ from handscope.app.state import Parts, PartsDep, parts
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import audit
 from handscope.sessions.clinic.audit import AuditEvent
-from handscope.sessions.store import records, throttle
+from handscope.sessions.login import throttle
+from handscope.sessions.store import records
 
 router = APIRouter(tags=["patient's screen"], dependencies=[requires_role(ANYBODY)])
 REFUSED, GONE = 4401, 1001  # web socket close codes

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from handscope.estimators.errors import InputError
 
 ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"  # without characters that are mistaken for others
-CODE_LENGTH = 8  # characters: 6e11 codes, and tries are delayed (sessions/store/throttle.py)
+CODE_LENGTH = 8  # characters: 6e11 codes, and tries are delayed (sessions/login/throttle.py)
 CODE_LIFE = 600.0  # s until a code that was not used is worth nothing
 SCREEN_LIFE = 4 * 3600.0  # s that a screen may show a session
 MOST_SCREENS = 4  # of a station, those that are invited and not there yet among them

@@ -19,7 +19,7 @@ from handscope.app.auth.roles import ANYBODY, RoleRequirement, RouteTable, requi
 from handscope.app.settings import Settings
 from handscope.sessions.clinic import accounts
 from handscope.sessions.clinic.accounts import ADMINISTRATOR, ROLES
-from handscope.sessions.store import logins
+from handscope.sessions.login import logins
 from handscope.sessions.store.store import open_store
 
 ORIGIN = {"Origin": "http://127.0.0.1:8420"}

@@ -1,7 +1,7 @@
 """Logins: one-time tokens and passwords make them, cookies carry them, they end after a while without a request and after a longest time.
 
 A token is a file named after its hash in the data folder, with the name of its account: whoever may write there (the same user of the machine)
-may let a browser in. Tries are counted (sessions/store/throttle.py) by account and address together and by address; nobody shuts an account's owner out from elsewhere. Tokens (192 random bits) and cookies (256) are kept as their SHA-256 alone.
+may let a browser in. Tries are counted (sessions/login/throttle.py) by account and address together and by address; nobody shuts an account's owner out from elsewhere. Tokens (192 random bits) and cookies (256) are kept as their SHA-256 alone.
 """
 
 import hashlib
@@ -19,7 +19,7 @@ from handscope.sessions.clinic import accounts, audit
 from handscope.sessions.clinic.accounts import LOCAL
 from handscope.sessions.clinic.audit import AuditEvent
 from handscope.sessions.db.tables import Account, AuditLine, Login, now
-from handscope.sessions.store import throttle
+from handscope.sessions.login import throttle
 from handscope.sessions.store.database import hurry
 from handscope.sessions.store.store import Store
 

@@ -9,7 +9,7 @@ from argon2 import PasswordHasher
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import accounts
 from handscope.sessions.db.tables import Attempt
-from handscope.sessions.store import logins
+from handscope.sessions.login import logins
 from handscope.sessions.store.store import Store, open_store
 
 GOOD = "seven hands on a table"
