@@ -46,7 +46,7 @@ class Jobs:
     def __enter__(self) -> "Jobs":
         self._queue.submit(self._process.do, _warm)
         with self._store.database() as db:
-            for result_id in results.unfinished(db):
+            for result_id in results.unfinished(db, self._store.server):
                 self.process(result_id)
         return self
 

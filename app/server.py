@@ -67,7 +67,9 @@ def create_app(settings: Settings) -> FastAPI:
         log.warning("%s. This task is not offered, the others are.", fault)
     for fault in language.faults():
         log.warning("%s. This language is not offered, the others are.", fault)
-    store = open_store(settings.data, settings.database_url, settings.recordings)
+    store = open_store(
+        settings.data, settings.database_url, settings.recordings, settings.shared_at
+    )
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
@@ -191,8 +193,9 @@ def _list_left_open(store: Store, relays: Relays) -> tuple[list[int], list[int]]
     """Sessions that the last server left open, and those whose recordings it did not read whole; a session of which a browser
     still keeps something is awaited instead."""
     with store.database() as db:
-        unread = [s.id for s in crash_repair.list_unread(db)]
-        files = {s.id: [f.file for f in s.recordings] for s in records.list_abandoned(db)}
+        unread = [s.id for s in crash_repair.list_unread(db, store.server)]
+        left = records.list_abandoned(db, store.server)
+        files = {s.id: [f.file for f in s.recordings] for s in left}
     for session in list(files):
         recording = store.path_of(files[session][0]) if files[session] else None
         account = None if recording is None else relay_account(recording)

@@ -18,6 +18,9 @@ class Settings:
     recordings: str | None = (
         None  # URL of an object storage that closed files are moved to; None leaves them where they are
     )
+    shared_at: str | None = (
+        None  # address of this server among several that share database and object storage; None: no sharing is asked for
+    )
     cache_bytes: int = (
         20 * 10**9
     )  # of files that are in the object storage, kept on this disk as well

@@ -43,6 +43,7 @@ from handscope.sessions.store import (
     crash_repair,
     erasure,
     records,
+    shared_servers,
     stored_files,
     visit_facts,
 )
@@ -137,7 +138,8 @@ async def upload_recording(
 @router.get("/sessions/unfinished")
 def unfinished_sessions(db: Db, parts: PartsDep, repair: RepairDep) -> list[dict[str, Any]]:
     """Sessions that run or that nobody finished, the oldest first; after a server that was killed those that are `repairing` [this, of so many], and
-    those that are closed and whose recordings are read whole, `reading` [this, of so many]."""
+    those that are closed and whose recordings are read whole, `reading` [this, of so many]. `elsewhere` is the server that records it, where several
+    share the database and it is another one: its name, its address, whether it answers."""
     rows = []
     being_read = [s for s in crash_repair.list_unread(db) if repair.reading(s.id)]
     for session in [*records.list_abandoned(db), *being_read]:
@@ -152,6 +154,7 @@ def unfinished_sessions(db: Db, parts: PartsDep, repair: RepairDep) -> list[dict
                 "overnight": overnight,
                 "repairing": repair.progress(session.id),
                 "reading": repair.reading(session.id),
+                "elsewhere": _elsewhere(db, parts, session),
             }
         )
     return rows
@@ -163,6 +166,8 @@ def close_session(db: Db, parts: PartsDep, repair: RepairDep, session_id: int) -
     if repair.progress(session_id):
         raise InputError(REPAIRED)
     session = records.get(db, session_id)
+    if session.state == "open" and (elsewhere := _elsewhere(db, parts, session)):
+        raise InputError("store.session_at_other_server", name=elsewhere["name"])
     if station := parts.stations.of_session(session_id):
         parts.stations.close(station.name)
     elif parts.relays.is_awaited(session_id):
@@ -357,6 +362,17 @@ def _other_hand(db: Db, s: PatientSession) -> dict[str, Any] | None:
     return {"session": other.id, "hand": other.hand} if other else None
 
 
+def _elsewhere(db: Db, parts: Parts, session: PatientSession) -> dict[str, Any] | None:
+    """The other one of several servers that records a session; None where it is this one."""
+    found = (
+        shared_servers.find_other(db, f.server, parts.store.server) for f in session.recordings
+    )
+    other = next((server for server in found if server), None)
+    return (
+        {"name": other.name, "address": other.address, "answers": other.answers} if other else None
+    )
+
+
 def _closed(db: Db, recording_id: int) -> RecordingFile:
     file = db.get(RecordingFile, recording_id)
     if file is None or file.sha256 is None:
@@ -369,7 +385,12 @@ def recomputed(
 ) -> list[dict[str, int]]:
     """For each earlier result the one that replaces it."""
     pairs = [
-        (old, results.find_matching(db, file, old.method, old.parameters, software_version()))
+        (
+            old,
+            results.find_matching(
+                *(db, file, old.method, old.parameters, software_version(), parts.store.server)
+            ),
+        )
         for old in before
     ]
     for _, result in pairs:
@@ -388,7 +409,9 @@ def _queue(
     if method not in ALL_METHODS:
         raise InputError("analysis.unknown_method", name=method, methods=", ".join(ALL_METHODS))
     changed = changed_options(with_options(ALL_METHODS[method].Params, options))
-    result = results.find_matching(db, closed[-1], method, changed, software_version())
+    result = results.find_matching(
+        db, closed[-1], method, changed, software_version(), parts.store.server
+    )
     if result.state == "queued":
         parts.jobs.process(result.id)
     return result

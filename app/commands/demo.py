@@ -42,7 +42,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
-    with hold_folder(arguments.data, arguments.database):
+    with hold_folder(arguments.data, arguments.database, arguments.shared):
         _add_patients(arguments)
         _serve(arguments)
     say("stopped")

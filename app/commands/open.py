@@ -18,7 +18,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
     try:
-        with hold_folder(arguments.data, arguments.database):
+        with hold_folder(arguments.data, arguments.database, arguments.shared):
             serve.serve(arguments, {}, browser=True, printed=False)
     except InputError:
         address = running_server(arguments.data)

@@ -28,6 +28,7 @@ from handscope.sessions.clinic.second_factors import MISSING
 from handscope.sessions.login.logins import TOKEN_LIFE, new_token
 from handscope.sessions.store.folder_lock import hold_folder
 from handscope.sessions.store.folder_privacy import keep_private
+from handscope.sessions.store.shared_servers import find_identity
 
 DEFAULT_PORT = 8420
 IDLE, LONGEST = 4.0, 24.0  # h of a login
@@ -69,6 +70,12 @@ def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
         default=os.environ.get("HANDSCOPE_RECORDINGS") or None,
         metavar="URL",
         help="object storage that closed recordings are moved to (HANDSCOPE_RECORDINGS): s3://bucket/folder; asked for once, kept in the data folder",
+    )
+    parser.add_argument(
+        "--shared",
+        action="store_true",
+        default=os.environ.get("HANDSCOPE_SHARED") == "1",
+        help="one of several servers on the same PostgreSQL database and object storage (HANDSCOPE_SHARED=1); asked for once, kept in the data folder",
     )
     parser.add_argument(
         "--cache",
@@ -174,7 +181,7 @@ def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
     printed = arguments.print_login or sys.stdout.isatty()
-    with hold_folder(arguments.data, arguments.database):
+    with hold_folder(arguments.data, arguments.database, arguments.shared):
         serve(arguments, {}, browser=False, printed=printed)
     return 0
 
@@ -240,38 +247,13 @@ def serve(
     """Listen, print the address, `printed` with a one-time token, call `on_ready`, serve until stopped."""
     keep_private()
     begin_logging()
-    settings = Settings(
-        data=arguments.data,
-        host=arguments.host,
-        port=arguments.port,
-        database_url=arguments.database,
-        recordings=arguments.recordings,
-        cache_bytes=round(1e9 * arguments.cache),
-        hosts=tuple(arguments.name),
-        demo_ports=demo_ports,
-        metrics=arguments.metrics,
-        allowed_ports=tuple(arguments.allow_port),
-        allowed_outlets=tuple(arguments.allow_outlet),
-        proxies=tuple(arguments.proxy),
-        sign_on=sign_on(arguments),
-        second_factor=second_factor_roles(arguments),
-        idle_logout=3600.0 * arguments.idle_logout,
-        longest_login=3600.0 * arguments.longest_login,
-    )
     listener = _listen(arguments.host, arguments.port)
+    base = _base(arguments.host, listener.getsockname()[1])
     try:
-        app = create_app(settings)
+        app = create_app(_settings(arguments, demo_ports, base))
     except BaseException:
         listener.close()
         raise
-    name = (
-        f"[{arguments.host}]"
-        if ":" in arguments.host
-        else arguments.host
-        if arguments.host not in ("0.0.0.0", "::")
-        else "127.0.0.1"
-    )
-    base = f"http://{name}:{listener.getsockname()[1]}"
     (arguments.data / "address").write_text(base + "\n")
 
     def announce() -> None:
@@ -297,6 +279,43 @@ def serve(
     server.run(sockets=[listener])
     if server.interrupted:
         raise KeyboardInterrupt
+
+
+def _settings(arguments: argparse.Namespace, demo_ports: Mapping[str, str], base: str) -> Settings:
+    """What the options say; `base` is where the server listens."""
+    return Settings(
+        data=arguments.data,
+        host=arguments.host,
+        port=arguments.port,
+        database_url=arguments.database,
+        recordings=arguments.recordings,
+        shared_at=_shared_at(arguments, base),
+        cache_bytes=round(1e9 * arguments.cache),
+        hosts=tuple(arguments.name),
+        demo_ports=demo_ports,
+        metrics=arguments.metrics,
+        allowed_ports=tuple(arguments.allow_port),
+        allowed_outlets=tuple(arguments.allow_outlet),
+        proxies=tuple(arguments.proxy),
+        sign_on=sign_on(arguments),
+        second_factor=second_factor_roles(arguments),
+        idle_logout=3600.0 * arguments.idle_logout,
+        longest_login=3600.0 * arguments.longest_login,
+    )
+
+
+def _shared_at(arguments: argparse.Namespace, base: str) -> str | None:
+    """Where browsers reach this one of several servers: by its first name behind a proxy, else where it listens; None where it is one alone."""
+    if not (arguments.shared or find_identity(arguments.data)):
+        return None
+    return f"https://{arguments.name[0]}" if arguments.name and arguments.proxy else base
+
+
+def _base(host: str, port: int) -> str:
+    """The address at which this machine reaches the server."""
+    anywhere = host in ("0.0.0.0", "::")
+    name = "127.0.0.1" if anywhere else f"[{host}]" if ":" in host else host
+    return f"http://{name}:{port}"
 
 
 def _announce(base: str, data: Path, printed: bool, browser: bool) -> None:

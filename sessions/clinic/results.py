@@ -38,9 +38,17 @@ def key_of(file: RecordingFile, method: str, parameters: Mapping[str, Any], vers
 
 
 def find_matching(
-    db: Session, file: RecordingFile, method: str, parameters: Mapping[str, Any], version: str
+    db: Session,
+    file: RecordingFile,
+    method: str,
+    parameters: Mapping[str, Any],
+    version: str,
+    server: str = "",
 ) -> Result:
-    """The result with this key, queued when there is none or when it failed before; by the corrections, the trunk's height and the reuse that count now."""
+    """The result with this key, queued when there is none or when it failed before; by the corrections, the trunk's height and the reuse that count now.
+
+    `server` is which of several computes it, where it is to be computed.
+    """
     key = key_of(file, method, parameters, version)
     result = db.scalar(select(Result).where(Result.recording_id == file.id, Result.key == key))
     if result is None:
@@ -57,11 +65,13 @@ def find_matching(
             recording=file,
             key=key,
             reused=self_calibrations.active(file.session, method),
+            server=server,
             **facts,
         )
         db.add(result)
     elif result.state == "failed":
         result.state, result.error, result.progress, result.attempts = "queued", "", 0.0, 0
+        result.server = server
     db.commit()
     return result
 
@@ -137,9 +147,10 @@ def requeue(db: Session, result_id: int) -> bool:
     return True
 
 
-def unfinished(db: Session) -> list[int]:
-    """Results that were queued or running when the server stopped; one that was begun ATTEMPTS times is given up."""
-    left = list(db.scalars(select(Result).where(Result.state.in_(UNFINISHED)).order_by(Result.id)))
+def unfinished(db: Session, server: str = "") -> list[int]:
+    """Results that were queued or running when the server (which of several) stopped; one that was begun ATTEMPTS times is given up."""
+    query = select(Result).where(Result.state.in_(UNFINISHED)).order_by(Result.id)
+    left = list(db.scalars(query.where(Result.server == server) if server else query))
     for result in left:
         if result.state == "running" and result.attempts >= ATTEMPTS:
             fail(db, result.id)

@@ -1,4 +1,4 @@
-"""Tables whose rows belong to no patient and to no account's row: the audit trail, files to remove, maps of columns, counted tries."""
+"""Tables whose rows belong to no patient and to no account's row: the audit trail, files to remove, maps of columns, counted tries, servers."""
 
 from datetime import datetime
 from typing import Any
@@ -52,6 +52,21 @@ class ErasedFile(Base):
     __tablename__ = "erased_file"
 
     file: Mapped[str] = mapped_column(primary_key=True)  # relative to the data folder
+    server: Mapped[str] = mapped_column(
+        String(32), default="", server_default=""
+    )  # which of several has it in its folder (sessions/store/shared_servers.py)
+
+
+class Server(Base):
+    """One of several servers that share the database and an object storage (sessions/store/shared_servers.py)."""
+
+    __tablename__ = "server"
+
+    id: Mapped[str] = mapped_column(String(32), primary_key=True)  # in its data folder's mark
+    name: Mapped[str] = mapped_column(String(100))  # of its machine
+    address: Mapped[str] = mapped_column(String(300))  # where browsers reach it
+    storage: Mapped[str] = mapped_column(String(32))  # the object storage's mark
+    seen: Mapped[datetime]  # when it told of itself last
 
 
 class Attempt(Base):

@@ -180,6 +180,9 @@ class RecordingFile(Base):
     sha256: Mapped[str | None] = mapped_column(String(64))  # None while it is being written
     bytes: Mapped[int] = mapped_column(default=0)
     added: Mapped[datetime] = mapped_column(default=now)
+    server: Mapped[str] = mapped_column(
+        String(32), default="", server_default=""
+    )  # which of several records it, and has it until it lies in the object storage
     summary: Mapped[dict[str, Any]] = mapped_column(
         default=dict
     )  # duration, streams, losses, warnings: for lists without opening the file
@@ -348,6 +351,9 @@ class Result(Base):
     ]  # m, in place of what the recording tells; None: as the recording tells it
     version: Mapped[str] = mapped_column(String(32))
     created: Mapped[datetime] = mapped_column(default=now)
+    server: Mapped[str] = mapped_column(
+        String(32), default="", server_default=""
+    )  # which of several computes it
     state: Mapped[str] = mapped_column(
         String(16), default="queued"
     )  # queued, running, done, failed

@@ -51,25 +51,31 @@ def find_attached(folder: Path) -> ObjectStorage | None:
         raise InputError("recording.storage_note_damaged", file=str(folder / MARK)) from None
 
 
-def attach(folder: Path, url: str) -> ObjectStorage:
-    """Have a data folder's files kept there from now on; InputError where they are elsewhere, or where that place is another folder's."""
+def attach(folder: Path, url: str, shared: str | None = None) -> ObjectStorage:
+    """Have a data folder's files kept there from now on; InputError where they are elsewhere, or where that place is another folder's.
+
+    `shared` is the mark of the place that several servers have in common: their folders share it.
+    """
     known = find_attached(folder)
     if known is not None and known.url != url:
         raise InputError("recording.storage_differs", folder=str(folder), place=known.url, url=url)
     if known is not None:
         return known
     _require_plain(url)
-    storage = ObjectStorage(url, uuid.uuid4().hex)
+    storage = ObjectStorage(url, shared or uuid.uuid4().hex)
     with _reached(storage) as (fs, root):
         try:
             found = fs.cat_file(f"{root}/{MARK}")
         except FileNotFoundError:
+            found = None
+        if shared is None and found is None:
             fs.pipe_file(
                 f"{root}/{MARK}", json.dumps({"handscope data folder": storage.folder}).encode()
             )
-            found = None
-    if found is not None:
+    if shared is None and found is not None:
         raise InputError("recording.storage_in_use", url=url)
+    if shared is not None and (found is None or _whose(found) != shared):
+        raise InputError("recording.storage_not_shared", url=url)
     save_file(json.dumps(asdict(storage)).encode(), folder / MARK)
     return storage
 
@@ -78,11 +84,19 @@ def require(storage: ObjectStorage) -> None:
     """UnreachableError where it does not answer, or where what answers is not the place that was attached."""
     with _reached(storage) as (fs, root):
         try:
-            whose = json.loads(fs.cat_file(f"{root}/{MARK}")).get("handscope data folder")
-        except (FileNotFoundError, ValueError, AttributeError):
+            whose = _whose(fs.cat_file(f"{root}/{MARK}"))
+        except FileNotFoundError:
             whose = None
     if whose != storage.folder:
         raise UnreachableError(phrase("storage.other_bucket", url=storage.url))
+
+
+def _whose(mark: bytes) -> str | None:
+    """The data folder that a mark names; None where it is damaged."""
+    try:
+        return str(json.loads(mark)["handscope data folder"])
+    except (ValueError, TypeError, KeyError):
+        return None
 
 
 def put(storage: ObjectStorage, name: str, path: Path) -> str:

@@ -34,7 +34,7 @@ from handscope.sessions.files.object_storage import MARK, ObjectStorage, find_at
 from handscope.sessions.sealing.keys import SEALED_MARK
 from handscope.sessions.sealing.rotation import SEALED
 from handscope.sessions.sealing.stored import create_stored, is_sealing, open_stored, unsealed
-from handscope.sessions.store import database_dump, sealed_files
+from handscope.sessions.store import database_dump, sealed_files, shared_servers
 from handscope.sessions.store.archive_entries import (
     PIECE,
     pieces_of,
@@ -54,6 +54,7 @@ PASSING = (
     "address",
     CACHE,
     MARK,
+    shared_servers.MARK,
     SEALED_MARK,
     FILE,
     f"{FILE}-wal",

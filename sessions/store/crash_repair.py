@@ -36,9 +36,10 @@ def close_from_ends(db: Session, store: Store, session_id: int) -> PatientSessio
     return session
 
 
-def list_unread(db: Session) -> list[PatientSession]:
-    """Sessions of which a recording is still to be read whole, the oldest first."""
-    recorded = select(PatientSession).where(PatientSession.state == "recorded")
+def list_unread(db: Session, server: str = "") -> list[PatientSession]:
+    """Sessions of which a recording is still to be read whole, the oldest first; of one of several servers its own alone."""
+    finished = select(PatientSession).where(PatientSession.state == "recorded")
+    recorded = records.of_server(finished, server)
     missing = recorded.where(PatientSession.recordings.any(RecordingFile.sha256.is_(None)))
     sessions = db.scalars(missing.order_by(PatientSession.started))
     return [s for s in sessions if any(is_unread(file) for file in s.recordings)]

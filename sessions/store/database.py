@@ -9,7 +9,7 @@ from alembic import command
 from alembic.config import Config
 from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
-from sqlalchemy import Engine, create_engine, event, text, update
+from sqlalchemy import Connection, Engine, create_engine, event, text, update
 from sqlalchemy.exc import ArgumentError, DatabaseError, DBAPIError
 from sqlalchemy.orm import Session, sessionmaker
 
@@ -129,6 +129,14 @@ def is_known(revision: str) -> bool:
     return revision in {
         script.revision for script in ScriptDirectory.from_config(config).walk_revisions()
     }
+
+
+def is_up_to_date(connection: Connection) -> bool:
+    """Whether the schema is this program's."""
+    config = Config()
+    config.set_main_option("script_location", MIGRATIONS)
+    newest = ScriptDirectory.from_config(config).get_current_head()
+    return MigrationContext.configure(connection).get_current_revision() == newest
 
 
 def _require_known(engine: Engine) -> None:

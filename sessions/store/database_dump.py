@@ -28,7 +28,9 @@ from handscope.sessions.db.plain_text import replaced
 from handscope.sessions.store.database import is_known, upgrade
 
 REVISION = "alembic_version"
-PASSING = frozenset({"attempt", "login"})  # tables whose rows are not kept: a browser logs in again
+PASSING = frozenset(
+    {"attempt", "login", "server"}
+)  # tables whose rows are not kept: a browser logs in again, what is restored is one server's
 TOGETHER = 200  # rows that are read or written at a time: a result may have a megabyte
 
 

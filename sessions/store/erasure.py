@@ -4,6 +4,8 @@ Rows and the list of files go in one transaction, then the files: a power cut in
 which must answer, go with its next round. SQLite overwrites what it deletes (secure_delete) and its log is emptied. What was exported, printed or backed up is out of reach.
 """
 
+from collections.abc import Collection
+
 from sqlalchemy import ColumnElement, Select, select
 from sqlalchemy.orm import Session, selectinload
 
@@ -19,7 +21,7 @@ from handscope.sessions.db.tables import (
 )
 from handscope.sessions.files import object_storage
 from handscope.sessions.store import records, stored_files
-from handscope.sessions.store.store import Store, remove_erased
+from handscope.sessions.store.store import ELSEWHERE, Store, remove_erased
 
 
 def erase(db: Session, store: Store, patient_id: int, typed: str) -> dict[str, int]:
@@ -50,7 +52,7 @@ def erase(db: Session, store: Store, patient_id: int, typed: str) -> dict[str, i
         "bytes": sum(path.stat().st_size for path in paths),
     }
     audit.record(db, audit.AuditEvent("erased", "patient", counts=counts))
-    db.add_all([ErasedFile(file=file) for file in sorted(files)])
+    db.add_all(_erased(store, recordings, files))
     db.delete(patient)
     db.commit()
     remove_erased(db, store, files)
@@ -76,7 +78,7 @@ def erase_empty_session(db: Session, store: Store, session_id: int) -> None:
         for r in f.results
         for name in stored_files.files_of_result(store, r.id)
     }
-    db.add_all([ErasedFile(file=file) for file in sorted(files)])
+    db.add_all(_erased(store, session.recordings, files))
     db.delete(session)
     db.commit()
     remove_erased(db, store, files)
@@ -90,6 +92,17 @@ def erasures(db: Session, within: ColumnElement[bool] | None = None) -> list[Aud
         .order_by(AuditLine.id.desc())
     )
     return list(db.scalars(query if within is None else query.where(within)))
+
+
+def _erased(
+    store: Store, recordings: Collection[RecordingFile], files: Collection[str]
+) -> list[ErasedFile]:
+    """The files as ones that must go, here and in the other servers' folders; of results those remove what no row refers to (stored_files.move_out)."""
+    elsewhere = [f for f in recordings if store.server and f.server not in ("", store.server)]
+    return [
+        *(ErasedFile(file=file, server=store.server) for file in sorted(files)),
+        *(ErasedFile(file=ELSEWHERE + file.file, server=file.server) for file in elsewhere),
+    ]
 
 
 def _of(patient: Patient) -> Select[PatientSession]:

@@ -1,7 +1,7 @@
-"""One server at a time on a data folder, and on a PostgreSQL database.
+"""One server at a time on a data folder, and on a PostgreSQL database, unless several share that (sessions/store/shared_servers.py).
 
 An advisory lock of the operating system on the file `lock`, which also says who holds it; it ends with its process, however that ends.
-On PostgreSQL an advisory lock of a connection that stays open, under a name that says the same.
+On PostgreSQL an advisory lock of a connection that stays open, under a name that says the same; those that share the database hold it together.
 """
 
 import contextlib
@@ -20,6 +20,8 @@ from sqlalchemy.pool import NullPool
 from handscope.estimators.errors import InputError
 from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.messages.system import describe
+from handscope.sessions.store.database import is_up_to_date
+from handscope.sessions.store.shared_servers import MARK, find_identity
 
 
 def _system_module(name: str) -> Any:
@@ -33,16 +35,19 @@ def _system_module(name: str) -> Any:
 fcntl, msvcrt = _system_module("fcntl"), _system_module("msvcrt")
 FILE = "lock"
 BEYOND = 1 << 20  # where Windows locks: the holder's name before it stays readable
-SERVER_LOCK = 0x73657276  # of PostgreSQL's advisory locks; any number that nobody else uses
+LOCK = 0x73657276  # of PostgreSQL's advisory locks; any number that nobody else uses
+OWN_LOCK = text("SELECT pg_try_advisory_lock(:lock, hashtext(:identity))")
 HOLDERS = text(
     "SELECT a.application_name FROM pg_locks l JOIN pg_stat_activity a USING (pid) "
-    "WHERE l.locktype = 'advisory' AND l.granted AND l.classid = 0 AND l.objid = :lock AND l.objsubid = 1"
+    "WHERE l.locktype = 'advisory' AND l.granted AND l.classid = 0 AND l.objid = :lock AND l.objsubid = 1 "
+    "AND l.database = (SELECT oid FROM pg_database WHERE datname = current_database()) "
+    "ORDER BY a.pid = pg_backend_pid() DESC"
 )
 
 
 @contextmanager
-def hold_folder(folder: Path, url: str | None = None) -> Iterator[None]:
-    """The folder, and the database at `url`, for this process alone; InputError that names the holder where another has them."""
+def hold_folder(folder: Path, url: str | None = None, shared: bool = False) -> Iterator[None]:
+    """The folder, and the database at `url`, for this process alone, or with others that share it; InputError that names the holder where another has them."""
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         file = os.open(folder / FILE, os.O_RDWR | os.O_CREAT, 0o600)
@@ -57,7 +62,7 @@ def hold_folder(folder: Path, url: str | None = None) -> Iterator[None]:
         os.truncate(file, 0)
         os.lseek(file, 0, os.SEEK_SET)
         os.write(file, _own_name().encode())
-        with _hold_database(url):
+        with _hold_database(url, find_identity(folder), shared):
             yield
     finally:
         os.close(file)
@@ -89,7 +94,7 @@ def _lock(file: int) -> bool:
 
 
 @contextmanager
-def _hold_database(url: str | None) -> Iterator[None]:
+def _hold_database(url: str | None, identity: str, shared: bool) -> Iterator[None]:
     """PostgreSQL: the server's advisory lock. SQLite lies in the folder and needs none; what cannot be opened is said by open_database."""
     if not (url or "").startswith("postgresql"):
         yield
@@ -102,14 +107,21 @@ def _hold_database(url: str | None) -> Iterator[None]:
         yield
         return
     with contextlib.closing(connection):
-        _require_database(connection)
+        _require_database(connection, shared or bool(identity))
+        if identity and not connection.scalar(OWN_LOCK, {"lock": LOCK, "identity": identity}):
+            raise InputError("store.server_twice", mark=MARK)
         yield
 
 
-def _require_database(connection: Connection) -> None:
-    if connection.scalar(text("SELECT pg_try_advisory_lock(:lock)"), {"lock": SERVER_LOCK}):
-        return
-    holder = connection.scalar(HOLDERS, {"lock": SERVER_LOCK})
-    raise InputError(
-        "store.database_in_use", holder=str(holder) if holder else phrase("store.other_process")
-    )
+def _require_database(connection: Connection, shared: bool) -> None:
+    """Take the lock; InputError where another server has the database alone, or others share it whose schema this program would change."""
+    kind = "_shared" if shared else ""
+    if not connection.scalar(text(f"SELECT pg_try_advisory_lock{kind}(:lock)"), {"lock": LOCK}):
+        raise InputError("store.database_in_use", holder=_holder(connection))
+    holders = connection.scalars(HOLDERS, {"lock": LOCK}).all()
+    if len(holders) > 1 and not is_up_to_date(connection):
+        raise InputError("store.upgrade_needs_rest", holders=", ".join(map(str, holders[1:])))
+
+
+def _holder(connection: Connection) -> str:
+    return str(connection.scalar(HOLDERS, {"lock": LOCK}) or phrase("store.other_process"))

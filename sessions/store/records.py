@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from sqlalchemy import or_, select
+from sqlalchemy import Select, or_, select
 from sqlalchemy.orm import Session
 
 from handscope.estimators.data.samples import Event, Stream
@@ -66,7 +66,8 @@ def begin(
         continues_id=continues,
         plan=dict(plan or {}),
     )
-    file = RecordingFile(session=session, format="native", file=store.new_recording(native.SUFFIX))
+    place = store.new_recording(native.SUFFIX)
+    file = RecordingFile(session=session, format="native", file=place, server=store.server)
     db.add_all([session, file])
     db.commit()
     return session, file
@@ -109,7 +110,7 @@ def store_upload(
     """
     suffix = native.SUFFIX if upload.suffix == native.SUFFIX else ".zip"
     place = store.new_recording(suffix)
-    fleeting = ErasedFile(file=place)
+    fleeting = ErasedFile(file=place, server=store.server)
     db.add(fleeting)
     db.commit()
     store_file(upload, store.path_of(place))
@@ -121,7 +122,11 @@ def store_upload(
         session.started = found.started or moment
         kind = "native" if suffix == native.SUFFIX else "motion-bids"
         file = RecordingFile(
-            session=session, format=kind, file=place, original_name=Path(name).name[:200]
+            session=session,
+            format=kind,
+            file=place,
+            original_name=Path(name).name[:200],
+            server=store.server,
         )
         file.bytes, file.sha256, file.summary = found.bytes, found.sha256, dict(found.summary)
         db.add_all([session, file])
@@ -194,15 +199,17 @@ def describe(file: RecordingFile, store: Store) -> None:
     file.summary = summary(recording)
 
 
-def list_abandoned(db: Session) -> list[PatientSession]:
-    """Sessions that are not finished, the oldest first: they run, or a server that stopped left them open."""
-    return list(
-        db.scalars(
-            select(PatientSession)
-            .where(PatientSession.state == "open")
-            .order_by(PatientSession.started)
-        )
-    )
+def list_abandoned(db: Session, server: str = "") -> list[PatientSession]:
+    """Sessions that are not finished, the oldest first: they run, or a server that stopped left them open; of one of several servers its own alone."""
+    query = select(PatientSession).where(PatientSession.state == "open")
+    return list(db.scalars(of_server(query, server).order_by(PatientSession.started)))
+
+
+def of_server(query: Select[PatientSession], server: str) -> Select[PatientSession]:
+    """Sessions of which the server has a recording; "" is one alone, which has all."""
+    if not server:
+        return query
+    return query.where(PatientSession.recordings.any(RecordingFile.server == server))
 
 
 def suited_method(file: RecordingFile) -> str:

@@ -17,6 +17,7 @@ from handscope.sessions.db.tables import ErasedFile
 from handscope.sessions.files import object_storage
 from handscope.sessions.files.object_storage import ObjectStorage
 from handscope.sessions.sealing.keys import mark_sealed
+from handscope.sessions.store import shared_servers
 from handscope.sessions.store.database import RESTORING, open_database
 from handscope.sessions.store.folder_privacy import keep_private, mend_permissions
 
@@ -24,6 +25,7 @@ CACHE = "cache"  # of files that are in the object storage
 AWAY = (
     "away:"  # begins the name of an erased file that is still to be removed from the object storage
 )
+ELSEWHERE = "elsewhere:"  # begins the name of one that another server has in its folder
 PROBE = 2**20  # bytes that must be free to start at all: the database makes files of its own
 FREE = (
     200 * 2**20
@@ -40,6 +42,7 @@ class Store:
     away: ObjectStorage | None = (
         None  # where closed files are moved (sessions/store/stored_files.py); None keeps them in the folder
     )
+    server: str = ""  # which of several servers' folder it is (sessions/store/shared_servers.py)
 
     @property
     def recordings(self) -> Path:
@@ -83,13 +86,25 @@ def free_bytes(folder: Path) -> int:
 
 def store_at(folder: Path, url: str | None = None) -> Store:
     """The store of a data folder that another process opened; nothing is tidied up."""
-    return Store(folder, open_database(folder, url), url, object_storage.find_attached(folder))
+    return Store(
+        folder,
+        open_database(folder, url),
+        url,
+        object_storage.find_attached(folder),
+        shared_servers.find_identity(folder),
+    )
 
 
-def open_store(folder: Path, url: str | None = None, recordings: str | None = None) -> Store:
+def open_store(
+    folder: Path,
+    url: str | None = None,
+    recordings: str | None = None,
+    shared_at: str | None = None,
+) -> Store:
     """Open the data folder, made when it is not there; files half-written by an earlier run are removed.
 
     `recordings` is the URL of an object storage that closed files are moved to from now on; None leaves that as it is.
+    `shared_at` makes this one of several servers, and says where browsers reach it ("" untold); None leaves that as it is.
     """
     keep_private()
     try:
@@ -106,7 +121,13 @@ def open_store(folder: Path, url: str | None = None, recordings: str | None = No
     _require_writable(folder)
     mark_sealed(folder)
     mend_permissions(folder)
-    if recordings is not None:
+    if shared_at is not None:
+        database = open_database(folder, url)
+        try:
+            shared_servers.join(folder, url, database, recordings, shared_at)
+        finally:
+            database.kw["bind"].dispose()
+    elif recordings is not None:
         object_storage.attach(folder, recordings)
     store = store_at(folder, url)
     repeatability.fill(store.database)
@@ -133,13 +154,14 @@ def _require_writable(folder: Path) -> None:
 def remove_erased(db: Session, store: Store, files: Collection[str] | None = None) -> None:
     """Remove these files, or all, whose rows were erased (sessions/store/erasure.py) or never kept, and what the database's log still holds of those.
 
-    What may be in the object storage is removed there by the next round of kept_files.move_out.
+    What may be in the object storage, and what another server has, is removed by the next round of stored_files.move_out, there by that server.
     """
-    left = [
-        erased
-        for erased in db.scalars(select(ErasedFile).where(~ErasedFile.file.startswith(AWAY)))
-        if files is None or erased.file in files
-    ]
+    query = select(ErasedFile).where(
+        ~ErasedFile.file.startswith(AWAY), ~ErasedFile.file.startswith(ELSEWHERE)
+    )
+    if store.server:
+        query = query.where(ErasedFile.server == store.server)
+    left = [erased for erased in db.scalars(query) if files is None or erased.file in files]
     for erased in left:
         store.path_of(erased.file).unlink(missing_ok=True)
         if store.away is not None:

@@ -24,7 +24,8 @@ from handscope.sessions.files import object_storage
 from handscope.sessions.files.native import file_checksum
 from handscope.sessions.files.object_storage import UnreachableError
 from handscope.sessions.sealing.stored import is_sealed
-from handscope.sessions.store.store import AWAY, CACHE, FREE, Store, free_bytes
+from handscope.sessions.store import shared_servers
+from handscope.sessions.store.store import AWAY, CACHE, ELSEWHERE, FREE, Store, free_bytes
 
 log = logging.getLogger(__name__)
 
@@ -50,6 +51,7 @@ def fetch_local(store: Store, file: str, sha256: str | None = None) -> Path:
         try:
             _fetch(store, file, copy, sha256)
         except FileNotFoundError:
+            _require_here(store, file)
             return path
     with contextlib.suppress(OSError):
         os.utime(
@@ -70,10 +72,14 @@ def files_of_result(store: Store, result_id: int) -> list[str]:
 
 
 def move_out(store: Store, cache_bytes: int) -> Round:
-    """Bring what is closed into the object storage, and remove there what was erased; one round, to be asked again."""
+    """Bring what is closed into the object storage, remove there what was erased, and here what another server erased; one round, to be asked again."""
     if store.away is None:
         return Round()
     moved, problem = 0, ""
+    if store.server:
+        with store.database() as db:
+            shared_servers.tell(db, store.server)
+            _remove_erased_elsewhere(db, store)
     try:
         object_storage.require(store.away)
         _remove_erased(store)
@@ -84,6 +90,42 @@ def move_out(store: Store, cache_bytes: int) -> Round:
         problem = str(why)
     with store.database() as db:
         return Round(moved, len(_list_closed(store)) + len(_list_erased(db)), problem)
+
+
+def _require_here(store: Store, file: str) -> None:
+    """InputError where another server has a file that is not in the object storage yet."""
+    if not store.server:
+        return
+    place, _, name = file.partition("/")
+    number = name.split(".")[0]
+    with store.database() as db:
+        holder = (
+            db.scalar(select(Result.server).where(Result.id == int(number)))
+            if place == "results" and number.isdecimal()
+            else db.scalar(select(RecordingFile.server).where(RecordingFile.file == file))
+        )
+        other = shared_servers.find_other(db, holder or "", store.server)
+    if other is not None:
+        raise InputError("store.file_at_other_server", name=other.name)
+
+
+def _remove_erased_elsewhere(db: Session, store: Store) -> None:
+    """Remove from this server's folder what another erased: recordings as it says, copies and results that no row refers to any more."""
+    marked = ErasedFile.file.startswith(ELSEWHERE), ErasedFile.server == store.server
+    for erased in list(db.scalars(select(ErasedFile).where(*marked))):
+        file = erased.file.removeprefix(ELSEWHERE)
+        for path in (store.path_of(file), store.cached(file)):
+            path.unlink(missing_ok=True)
+        db.delete(erased)
+        db.commit()
+    copies = list(_files(store.folder / CACHE / "recordings"))
+    made = [*_files(store.folder / CACHE / "results"), *_files(store.folder / "results")]
+    known = set(db.scalars(select(RecordingFile.file))) if copies else set()
+    results = set(map(str, db.scalars(select(Result.id)))) if made else set()
+    unknown = [path for path in copies if f"recordings/{path.name}" not in known]
+    unknown += [path for path in made if path.name.split(".")[0] not in results]
+    for path in unknown:
+        path.unlink(missing_ok=True)
 
 
 def _fetch(store: Store, file: str, copy: Path, sha256: str | None) -> None:

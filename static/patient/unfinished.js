@@ -30,6 +30,14 @@ export function closing(api, session, done) {
   return h("div", { class: "buttons above" }, button, box.element);
 }
 
+/** A session that another of several servers records, with the way there. */
+function elsewhere(session, who) {
+  const { name, address, answers } = session.elsewhere;
+  const words = t(answers ? "unfinished.elsewhere" : "unfinished.elsewhere_silent", { ...who, server: name });
+  const there = answers && address && h("a", { class: "button", href: `${address}/` }, t("unfinished.go_there", { server: name }));
+  return h("div", { class: answers ? "note" : "warning" }, h("p", {}, words), there && h("div", { class: "buttons" }, there));
+}
+
 function one(api, session, done) {
   const who = { patient: session.patient.pseudonym, since: dayAndTime(session.started) };
   for (const stage of ["repairing", "reading"]) {
@@ -37,6 +45,7 @@ function one(api, session, done) {
     const [now, all] = session[stage];
     return h("p", { class: "note" }, t(`unfinished.${stage}`, { ...who, this: now, all }));
   }
+  if (session.elsewhere) return elsewhere(session, who);
   const words = t(session.overnight ? "unfinished.overnight" : "unfinished.runs", who);
   const address = session.station ? `/stations/${session.station}` : `/sessions/${session.id}`;
   const open = h("a", { class: "button", href: address }, t("unfinished.open"));

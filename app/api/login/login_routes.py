@@ -21,6 +21,7 @@ from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic import accounts, second_factors
 from handscope.sessions.db.tables import Account, now
 from handscope.sessions.login import logins
+from handscope.sessions.store import shared_servers
 from handscope.sessions.store.database import require_writable
 
 router = APIRouter(tags=["login"], dependencies=[requires_role(ANYBODY)])
@@ -173,6 +174,10 @@ def health(parts: PartsDep, response: Response) -> dict[str, Any]:
             "status": "cannot be used" if latest.problem else "ok",
             "files_waiting": latest.waiting,
         }
+    if parts.store.server and status == "ok":
+        with parts.store.database() as db:
+            others = shared_servers.list_others(db, parts.store.server)
+        payload["other_servers"] = {"answer": sum(o.answers for o in others), "all": len(others)}
     return payload
 
 

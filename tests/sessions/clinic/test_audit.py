@@ -189,6 +189,7 @@ def test_no_table_of_patients_data_is_left_out_of_the_audit() -> None:
         "attempt",
         "repeatability",
         "reference_edition",
+        "server",
         "result_references",  # a choice is noted with its result by references.choose
         "ward_member",  # noted with its account by wards.assign
         "emergency_access",  # noted by emergency_access.py, without the reason
