@@ -123,7 +123,8 @@ def _remove_erased_elsewhere(db: Session, store: Store) -> None:
     known = set(db.scalars(select(RecordingFile.file))) if copies else set()
     results = set(map(str, db.scalars(select(Result.id)))) if made else set()
     unknown = [path for path in copies if f"recordings/{path.name}" not in known]
-    unknown += [path for path in made if path.name.split(".")[0] not in results]
+    numbers = [(path, path.name.split(".")[0]) for path in made]  # a file being written has none
+    unknown += [path for path, number in numbers if number.isdecimal() and number not in results]
     for path in unknown:
         path.unlink(missing_ok=True)
 

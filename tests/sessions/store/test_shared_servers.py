@@ -106,6 +106,8 @@ def test_a_patient_erased_at_one_server_leaves_nothing_at_another(
     kept, _ = recorded(one, "P-2", closed=True)
     (one.folder / "results").mkdir(exist_ok=True)
     (one.folder / "results" / "999.npz").write_bytes(b"of a result that another server erased")
+    being_written = one.folder / "results" / ".1000.npz.partial"
+    being_written.write_bytes(b"of a result that is computed")
     with two.database() as db:
         file = records.get(db, moved_session).recordings[0].file
         stored_files.fetch_local(two, file)
@@ -117,7 +119,7 @@ def test_a_patient_erased_at_one_server_leaves_nothing_at_another(
     left = [
         p for p in tmp_path.rglob("*") if p.is_file() and p.parent.name in ("recordings", "results")
     ]
-    assert left == []
+    assert left == [being_written]
     with one.database() as db:
         assert db.query(ErasedFile).count() == 0
 
