@@ -1,6 +1,7 @@
 """The command line: `handscope VERB ...`. A user's mistake is one line on standard error and exit code 2."""
 
 import argparse
+import gc
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -46,6 +47,11 @@ VERBS = {
 MODULES = {"import": "import_table"}  # where a verb is no name for a module
 CLOSED_PIPE = 141  # as a shell has it for SIGPIPE
 EVIDENCE = {"bench", "reproduce"}  # verbs of handscope.validation
+GARBAGE = (
+    20_000,
+    20,
+    20,
+)  # the collector's thresholds: with Python's own a seventh of the time that imports take is its
 
 
 class Parser(argparse.ArgumentParser):
@@ -85,6 +91,7 @@ def _done(words: Sequence[str] | None) -> int:
     os.environ["PYTHONSAFEPATH"] = (
         "1"  # no process that this one starts imports files of the folder it was started in
     )
+    gc.set_threshold(*GARBAGE)
     given = list(sys.argv[1:] if words is None else words)
     parser = Parser(
         prog="handscope",

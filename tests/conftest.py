@@ -15,6 +15,7 @@ from hypothesis import HealthCheck, Phase, settings
 from playwright.sync_api import Browser, sync_playwright
 from xdist.remote import Producer
 
+from handscope.app.cli import GARBAGE
 from handscope.app.workers.process import CONTEXT
 from handscope.estimators.simulation.scenario import Simulated
 from tests import schedule
@@ -22,6 +23,9 @@ from tests.browser import chromium
 from tests.simulated import pose_and_wiggle
 
 time.tzset()
+gc.set_threshold(
+    *GARBAGE
+)  # as in every command; with Python's own a tenth of the time is the collector's
 settings.register_profile(
     "handscope",
     max_examples=25,
