@@ -51,6 +51,7 @@ def test_the_readme_is_a_front_page() -> None:
     assert (ROOT / "README.md").read_text().count("\n") <= 100
 
 
+@pytest.mark.slow
 @pytest.mark.process
 def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     made = subprocess.run(

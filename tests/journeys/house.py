@@ -4,10 +4,8 @@ import itertools
 import os
 import re
 import socket
-import subprocess
-import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +14,7 @@ from urllib.parse import urlsplit
 from playwright.sync_api import Frame, Locator, Page, Route, expect
 
 from handscope.app.auth.gate import new_token
+from handscope.app.cli import main
 
 ROOT = Path(__file__).parents[2]
 NUMBERS = itertools.count(1)  # of patients made here
@@ -70,9 +69,8 @@ def new_patient(page: Page) -> int:
 
 def simulate(path: Path, task: str, *options: str) -> Path:
     """A simulated recording of the left hand as a Motion-BIDS zip."""
-    words = ["simulate", task, "--hand", "left", *options, "--out", str(path)]
-    program = [sys.executable, "-P", "-m", "handscope.app.cli"]
-    subprocess.run([*program, *words], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+    with redirect_stdout(None):
+        assert main(["simulate", task, "--hand", "left", *options, "--out", str(path)]) == 0
     return path
 
 

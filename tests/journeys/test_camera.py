@@ -44,7 +44,7 @@ def send(page: Page, name: str, content: bytes, words: tuple[str, ...]) -> Locat
     return card
 
 
-@pytest.mark.parametrize("language", WORDS)
+@pytest.mark.parametrize("language", ["en-GB", pytest.param("de-DE", marks=pytest.mark.slow)])
 def test_a_cameras_landmarks_stand_beside_a_result_with_their_limits(
     another_page: Callable[..., Page], processed: int, camera: bytes, language: str
 ) -> None:

@@ -227,7 +227,7 @@ def test_a_computation_that_nobody_waits_for_is_stopped(
 KEY = re.compile(r"\b[a-z]+(?:_[a-z0-9]+)+\b")
 
 
-@pytest.mark.parametrize("language", ["en", "de"])
+@pytest.mark.parametrize("language", ["en", pytest.param("de", marks=pytest.mark.slow)])
 def test_no_page_and_no_report_shows_a_name_of_the_program(
     another_page: Callable[..., Page], server: Server, processed: int, language: str
 ) -> None:
