@@ -48,6 +48,7 @@ from handscope.estimators.fault_detection.single_sensors.lost_rows import lost_r
 from handscope.estimators.fault_detection.single_sensors.magnetometer_check import (
     judge_magnetometers,
 )
+from handscope.estimators.fault_detection.single_sensors.rest_turns import RestTurn, explain, find
 from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS, odds_of
 from handscope.estimators.numerics.typing import Array
 
@@ -72,6 +73,7 @@ CODES = (  # of all messages
     ),
     *(f"file.{code}" for code in sorted({f.code for f in discrete_faults() if f.code})),
     *(f"sensor.{code}" for code in SHARES),
+    "sensor.gyroscope_rests",
     "sensor.magnetometer_axes",
 )
 DIFFERENT = 0.3  # of an element of the matrix, times how much that axis turned among the three, from which on corrections are not the same
@@ -100,6 +102,7 @@ def check_sensors(blocks: Sequence[Block]) -> list[Suspicion]:
     sizes, factor = accelerometer_sizes(cells)
     cells = replace(cells, acc=cells.acc * factor)
     gyroscopes = check_gyroscopes(cells)
+    gyroscopes += _between_rests(cells, gyroscopes)
     found = [
         *backward,
         *frozen,
@@ -172,6 +175,48 @@ def check_gyroscopes(cells: Cells, among: int = 1) -> list[Suspicion]:
     suspicion, M = found
     mended = replace(cells, gyr=cells.gyr @ M.T)
     return [suspicion, *_of_sensors(mended, judge(mended), len(judged))]
+
+
+def _between_rests(cells: Cells, known: Sequence[Suspicion]) -> list[Suspicion]:
+    """What rests show of gyroscopes of which nothing is said yet: each with the fault that explains it, or all that have no name together."""
+    if any(s.message.code.startswith("file.") for s in known):
+        return []
+    named = {sensor for s in known for sensor in s.sensors}
+    asked = np.array([s not in named for s in cells.sensors])
+    turns = [t for t in find(cells, asked) if t.p_value < FALSE_ALARMS]
+    faults = [explain(cells, t) for t in turns]
+    found = [
+        _suspicion(
+            f"sensor.{fault.code}",
+            fault,
+            (cells.sensors[turn.sensor],),
+            _since(cells, turn),
+            turn.p_value,
+            fault.certain,
+        )
+        for turn, fault in zip(turns, faults)
+        if fault is not None
+    ]
+    without = [t for t, fault in zip(turns, faults) if fault is None]
+    return [*found, *([_unnamed(cells, without)] if without else [])]
+
+
+def _unnamed(cells: Cells, turns: Sequence[RestTurn]) -> Suspicion:
+    worst = min(turns, key=lambda t: t.p_value)
+    sensors = tuple(cells.sensors[t.sensor] for t in turns)
+    values = {
+        "sensor": ", ".join(sensors),
+        "off_deg": float(np.degrees(worst.off)),
+        "start": worst.rests[0],
+        "stop": worst.rests[1],
+    }
+    message = Message("sensor.gyroscope_rests", values, "fault")
+    return Suspicion(message, sensors, (_since(cells, worst),), worst.p_value)
+
+
+def _since(cells: Cells, turn: RestTurn) -> tuple[float, float]:
+    start, stop = _whole(cells)
+    return max(start, turn.since), stop
 
 
 def _of_all(cells: Cells, judged: Sequence[Judged]) -> tuple[Suspicion, Array] | None:

@@ -1,0 +1,173 @@
+"""From one rest of a sensor to the next: gravity, turned by the gyroscope, must arrive where the accelerometer sees it. One movement between two rests is enough.
+
+In      cells of readings of S sensors
+Out     sensors of which it does not arrive there, by how much, between when and when, and the sign, order or unit of axes under which it does
+Source  two rests show gravity within `REST_SD`; the angle between two directions that err so has Rayleigh's distribution
+Limits  a movement without rests, or a turn about the vertical, tells nothing; after a long one gains of a few percent count, and only coarse faults show
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.fault_detection.single_sensors.cells import CELL, Cells
+from handscope.estimators.fault_detection.single_sensors.gyroscope_faults import (
+    Fault,
+    discrete_faults,
+    share_of,
+)
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.typing import Array
+
+REST = 30  # cells: 0.6 s
+STILL = 0.06  # rad/s, standard deviation of each rate in a rest, and how far its mean may be from the sensor's bias
+STEADY = 0.15  # m/s^2, standard deviation of each acceleration in a rest
+SIZE = 0.5  # m/s^2, by which a rest's acceleration may differ from gravity: bias and scale
+LONGEST = 500  # cells between two rests: 10 s
+REST_SD = np.radians(
+    3.0
+)  # of gravity's direction in a rest: 0.5 m/s^2 of bias, and of a hand that is carried evenly
+GAIN_SD = 0.03  # of a path: scale and cross-axis errors of a gyroscope that is right
+DRIFT_SD = np.radians(0.5)  # rad/s: how much a bias may differ from that of the rests
+MISSES = 3.0  # standard deviations from which on gravity does not arrive
+AWAY = 10  # cells at either end of a rest that are left alone: movements begin slowly
+GAINS = (0.4, 0.5, 0.6, 0.7, 0.8, 1.25, 1.4, 1.6, 2.0, 2.5)
+USUAL = (
+    "gyroscope_sign",
+    "gyroscope_negated",
+    "gyroscope_exchange",
+    "gyroscope_unit",
+)  # that are named: one turn may look like a rare fault by chance
+NAMED = 0.9  # probability, among all signs, orders and units, from which on one is named
+
+
+@dataclass(frozen=True)
+class RestTurn:
+    """Two rests between which a gyroscope does not turn as gravity does."""
+
+    sensor: int  # column of the cells
+    off: float  # rad, by which gravity arrives elsewhere
+    rests: tuple[float, float]  # s, middle of the one and of the other
+    since: float  # s, the first rest from which on it does
+    p_value: float  # of any pair of rests of any sensor
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """What one sensor reads from one rest to the next."""
+
+    rates: Array  # (n, 3) rad/s, as read, bias taken away
+    before: Array  # (3,) direction of gravity in the first rest
+    after: Array  # (3,) in the second
+    cells: tuple[int, int]  # middle of either rest
+
+    def sd(self, M: Array) -> float:
+        """Standard deviation (rad) of the angle's components."""
+        path = CELL * float(np.linalg.norm(self.rates @ M.T, axis=1).sum())
+        seconds = CELL * len(self.rates)
+        return float(np.sqrt(2 * REST_SD**2 + (GAIN_SD * path) ** 2 + (DRIFT_SD * seconds) ** 2))
+
+    def off(self, M: Array) -> float:
+        """Angle (rad) between gravity as it is turned by rates M w and as it is seen."""
+        q = quat.IDENTITY
+        for w in CELL * self.rates @ M.T:
+            q = quat.multiply(q, quat.exp(w))
+        there = quat.rotate(quat.conjugate(q), self.before)
+        return float(np.arccos(np.clip(there @ self.after, -1.0, 1.0)))
+
+
+def find(cells: Cells, asked: NDArray[np.bool_]) -> list[RestTurn]:
+    """Gyroscopes that do not turn gravity from one rest to the next.
+
+    Parameters
+    ----------
+    cells : Cells
+        Readings of S sensors in SI units.
+    asked : array (S,)
+        Whose gyroscopes are asked.
+    """
+    pairs = {int(k): list(_pairs(cells, int(k))) for k in np.flatnonzero(asked)}
+    tests, found = max(1, sum(len(p) for p in pairs.values())), []
+    for k, own in pairs.items():
+        if not own:
+            continue
+        off = np.array([p.off(np.eye(3)) for p in own])
+        z = off / [p.sd(np.eye(3)) for p in own]
+        worst, first = int(np.argmax(z)), int(np.argmax(z > MISSES))
+        rests = [
+            (cells.start + CELL * a, cells.start + CELL * b) for a, b in (p.cells for p in own)
+        ]
+        since = -np.inf if first == 0 else rests[first][0]
+        p_value = float(min(1.0, tests * np.exp(-0.5 * z[worst] ** 2)))
+        found.append(RestTurn(k, float(off[worst]), rests[worst], since, p_value))
+    return found
+
+
+def explain(cells: Cells, turn: RestTurn) -> Fault | None:
+    """The sign, order or unit under which gravity arrives in every rest of the sensor; None where none does, or several do."""
+    own, faults = list(_pairs(cells, turn.sensor)), [*discrete_faults()[1:], *_gains()]
+    z = np.array([[p.off(f.matrix) / p.sd(np.eye(3)) for p in own] for f in faults])
+    fits = (z < MISSES).all(axis=1)
+    weight = np.where(
+        fits,
+        [share_of(f.code) / (len(GAINS) if f.code == "gyroscope_gain" else 1) for f in faults],
+        0.0,
+    ) * np.exp(-0.5 * ((z**2).sum(axis=1) - (z**2).sum(axis=1).min()))
+    best = int(np.argmax(weight))
+    sure = weight[best] > NAMED * weight.sum() > 0 and faults[best].code in USUAL
+    return faults[best] if sure else None
+
+
+def _gains() -> list[Fault]:
+    """Gains that may explain what a sign or an order seems to."""
+    return [Fault("gyroscope_gain", (("gain", 1 / g),), g * np.eye(3)) for g in GAINS]
+
+
+def _pairs(cells: Cells, k: int) -> Iterator[_Pair]:
+    """Rests of a sensor, each with the next."""
+    gyr, acc, valid = cells.gyr[:, k], cells.acc[:, k], cells.valid[:, k]
+    if len(gyr) < 2 * REST:
+        return
+    still = _still(gyr, acc, valid)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
+    rests = [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2])]
+    for (a, b), (c, d) in zip(rests, rests[1:]):
+        first, last = max(a, b - REST - AWAY), min(d, c + REST + AWAY)
+        b, c = first + REST, last - REST
+        i, j = first + REST // 2, last - REST // 2
+        if j - i > LONGEST or not valid[i:j].all():
+            continue
+        bias = 0.5 * (gyr[first:b].mean(axis=0) + gyr[c:last].mean(axis=0))
+        before, after = acc[first:b].mean(axis=0), acc[c:last].mean(axis=0)
+        yield _Pair(
+            gyr[i:j] - bias,
+            before / np.linalg.norm(before),
+            after / np.linalg.norm(after),
+            (i, j),
+        )
+
+
+def _still(gyr: Array, acc: Array, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Cells (n,) that lie in a rest of REST cells."""
+
+    def moments(x: Array) -> tuple[Array, Array]:
+        total = np.concatenate([np.zeros((1, x.shape[1])), np.cumsum(x, axis=0)])
+        square = np.concatenate([np.zeros((1, x.shape[1])), np.cumsum(x**2, axis=0)])
+        mean = (total[REST:] - total[:-REST]) / REST
+        return mean, np.sqrt(np.maximum((square[REST:] - square[:-REST]) / REST - mean**2, 0.0))
+
+    rate, rate_sd = moments(gyr)
+    force, force_sd = moments(acc)
+    whole = np.convolve(valid, np.ones(REST), "valid") > REST - 0.5
+    quiet = whole & (rate_sd < STILL).all(axis=1) & (force_sd < STEADY).all(axis=1)
+    quiet &= np.abs(np.linalg.norm(force, axis=1) - GRAVITY) < SIZE
+    if not quiet.any():
+        return np.zeros(len(gyr), bool)
+    quiet &= (np.abs(rate - np.median(rate[quiet], axis=0)) < STILL).all(axis=1)
+    out = np.zeros(len(gyr) + 1)
+    np.add.at(out, np.flatnonzero(quiet), 1)
+    np.add.at(out, np.flatnonzero(quiet) + REST, -1)
+    return np.cumsum(out)[:-1] > 0.5

@@ -1,0 +1,80 @@
+"""One movement between two rests: gravity arrives where the accelerometer sees it, or the gyroscope is at fault."""
+
+import numpy as np
+import pytest
+
+from handscope.estimators.data.samples import ACC, GYR, Block, Stream
+from handscope.estimators.fault_detection.single_sensors.cells import cells_of
+from handscope.estimators.fault_detection.single_sensors.check_sensors import check_sensors
+from handscope.estimators.fault_detection.single_sensors.rest_turns import find
+from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.constants import GRAVITY
+from handscope.estimators.numerics.typing import Array
+
+NAMES = ("hand", "index_proximal", "index_middle", "index_distal")
+BENT = np.radians([0.0, 25.0, 50.0, 65.0])  # of each sensor about AXIS, from rest to rest
+RIGHT = np.eye(3)
+AXIS = np.array([2.0, 1.0, 0.5]) / np.sqrt(5.25)
+
+
+def bent_once(wrong: Array = RIGHT, sensor: str = "index_middle") -> list[Block]:
+    """Ten seconds in which a finger bends once, in two seconds, and rests else; noise and biases of a usual sensor."""
+    rng, t = np.random.default_rng(2), np.arange(1000) / 100.0
+    share = np.clip((t - 4.0) / 2.0, 0.0, 1.0)
+    angle = (share**3 * (10 - 15 * share + 6 * share**2))[:, None] * BENT
+    rate = np.gradient(angle, t, axis=0)[..., None] * AXIS
+    q_start = quat.normalize(rng.normal(size=(len(NAMES), 4)))
+    q = quat.multiply(q_start, quat.exp(angle[..., None] * AXIS))
+    acc = quat.rotate(quat.conjugate(q), np.array([0.0, 0.0, GRAVITY]))
+    rate[:, NAMES.index(sensor)] = rate[:, NAMES.index(sensor)] @ wrong.T
+    rate = rate + 0.014 * rng.normal(size=(len(NAMES), 3)) + 0.001 * rng.normal(size=rate.shape)
+    acc = acc + 0.1 * rng.normal(size=(len(NAMES), 3)) + 0.01 * rng.normal(size=acc.shape)
+    stream = Stream("imu", NAMES, (GYR, ACC), 100.0)
+    return [Block(stream, t, np.concatenate([rate, acc], axis=2))]
+
+
+def test_a_right_gyroscope_turns_gravity_to_the_next_rest() -> None:
+    assert check_sensors(bent_once()) == []
+    cells = cells_of(bent_once())
+    turns = find(cells, np.ones(4, bool))
+    assert len(turns) == 3  # the hand rests all the time
+    assert max(t.off for t in turns) < np.radians(3.0)
+
+
+@pytest.mark.parametrize(
+    "wrong", [np.diag([-1.0, 1.0, 1.0]), -np.eye(3), np.eye(3)[[1, 0, 2]], 1.6 * np.eye(3)]
+)
+def test_one_movement_is_enough_to_doubt_a_gyroscope(wrong: Array) -> None:
+    (found,) = check_sensors(bent_once(wrong))
+    assert found.sensors == ("index_middle",) and found.p_value < FALSE_ALARMS
+    assert found.message.code.startswith("sensor.gyroscope_") and found.message.severity == "fault"
+
+
+def test_what_has_no_name_is_said_with_the_two_rests() -> None:
+    (found,) = check_sensors(bent_once(1.6 * np.eye(3)))
+    assert found.message.code == "sensor.gyroscope_rests"
+    assert 2.0 < float(found.message.values["start"]) < 4.2
+    assert 5.8 < float(found.message.values["stop"]) < 8.0
+    assert (
+        15.0 < float(found.message.values["off_deg"]) < 31.0
+    )  # 30 deg too far, gravity inclined to the axis
+
+
+def test_chance_is_as_rare_as_it_is_said_to_be() -> None:
+    """Of directions that err by REST_SD, a pair passes p in a share of p of all cases."""
+    from handscope.estimators.fault_detection.single_sensors.rest_turns import REST_SD
+
+    rng = np.random.default_rng(1)
+    off = np.hypot(*(np.sqrt(2) * REST_SD * rng.normal(size=(2, 200_000))))
+    p = np.exp(-0.5 * (off / (np.sqrt(2) * REST_SD)) ** 2)
+    assert np.mean(p < 0.01) == pytest.approx(0.01, rel=0.1)
+
+
+def test_a_long_way_without_a_rest_tells_nothing_of_a_gain() -> None:
+    (block,) = bent_once(1.3 * np.eye(3))
+    shaken = block.values.copy()
+    swing = 8.0 * np.sin(2 * np.pi * 2.0 * block.t) * ((block.t > 4.0) & (block.t < 6.0))
+    shaken[:, 2, :3] += swing[:, None] * np.array([0.0, 0.0, 1.0])
+    turns = find(cells_of([Block(block.stream, block.t, shaken)]), np.arange(4) == 2)
+    assert all(t.p_value > FALSE_ALARMS for t in turns)
