@@ -3,8 +3,8 @@
 In      pairs of sensors (sensor_pairs.py)
 Out     who is late, by how much, from when to when
 Source  ours: sensors of one finger, and fingers that open and close the hand, turn at rates that are proportional to each other; test of a lag against none: paired_test.py
-Limits  while the hand rests, at least two other strips (four others, of a single sensor) have to move together and all to show the same lag; what moves in
-        turn, or each by itself, tells nothing. Lags below `LEAST` may be a person's own
+Limits  while the hand rests, at least two other strips (of a single sensor four others, or the two others of its finger) have to move together and all to
+        show the same lag; strips that move in turn, or each by itself, tell nothing. Lags below `LEAST` may be a person's own
 """
 
 from collections.abc import Iterator, Sequence
@@ -40,7 +40,7 @@ SURE = 0.01  # probability from which on one other is counted as showing the lag
 PARTS = 8  # of the recording, at whose edges a lag may begin or end
 FEWEST = 2  # others that show a strip's lag
 FEWEST_OF_ONE = (
-    4  # others that show a single sensor's: two joints of one finger may follow each other
+    4  # others that show a single sensor's, but for the two others of its finger (_are_enough)
 )
 RESTING = 0.1  # of a sensor's rate, root mean square in a window, up to which the hand's is rest: what it turns shifts the phase of a rhythm
 _Asked = tuple[
@@ -55,6 +55,7 @@ TREMOR = 3.5  # Hz, from which on a rhythm is none that is meant: fingers trembl
 class _Shown:
     """What one other tells of a group's lag."""
 
+    other: tuple[str, ...]
     lag: float  # s, at which it fits best
     rest: Array  # (lags, K) what it leaves in each window
     noise: float
@@ -183,7 +184,7 @@ def _latest(
     left: Sequence[Array],
 ) -> list[Delay]:
     """Of each group the span that shows a lag best, where one does; `left` of each span."""
-    tests = len(groups) * (len(spans) + 2) * round(2 * FURTHEST / LEAST)  # lags nearer are one
+    tests = len(groups) * round(2 * FURTHEST / LEAST)  # lags nearer are one
     found = []
     for group, others in groups:
         tried = [
@@ -196,7 +197,9 @@ def _latest(
             best = max(sure, key=lambda d: d.gain)
             nearer = [_judged(signals, group, others, s) for s in _begun(signals, others, best)]
             best = min([best, *(d for d in nearer if d is not None)], key=lambda d: d.p_value)
-            p = min(1.0, best.p_value * tests)
+            others_looked_at = len(spans) + 1  # half of what is expected is expected of the whole
+            p = best.p_value * tests * 2 * (1 if best.span == spans[0] else others_looked_at)
+            p = min(1.0, p)
             found.append(Delay(group, best.late, p, best.gain, best.span))
     return found
 
@@ -222,11 +225,21 @@ def _shows_a_lag(
     of_others = left[own][:, [signals.names.index(o[-1]) for o in others]]
     lag = np.abs(signals.lags[of_others.argmin(axis=0)])
     telling = (of_others.min(axis=0) < SOME) & (lag >= LEAST - SPREAD)
-    return bool(np.count_nonzero(telling) >= _fewest(group))
+    return _are_enough(group, [o for o, tells in zip(others, telling) if tells])
 
 
-def _fewest(group: tuple[str, ...]) -> int:
-    return FEWEST_OF_ONE if len(group) == 1 else FEWEST
+def _are_enough(group: tuple[str, ...], telling: Sequence[tuple[str, ...]]) -> bool:
+    """Whether these others suffice to tell that a group is late.
+
+    The two other sensors of a finger suffice for its middle and distal one: joints that follow each other put the sensors off in the order in which they lie,
+    a middle segment never behind both its neighbours, and a distal one by a quarter of what its joint is late. A proximal segment that follows may be the person's.
+    """
+    if len(group) > 1:
+        return len(telling) >= FEWEST
+    (sensor,) = group
+    own = [o for o in telling if o[0].partition("_")[0] == sensor.partition("_")[0]]
+    is_outer = sensor.endswith(("_middle", "_distal")) and not sensor.startswith("thumb")
+    return len(telling) >= FEWEST_OF_ONE or (is_outer and len(own) >= 2)
 
 
 def _judged(
@@ -241,20 +254,24 @@ def _judged(
     telling = [s for s in shown if _least(s).sum() < EXPLAINED * s.variance]
     lags = np.array([s.lag for s in telling])
     if (
-        len(lags) < _fewest(group)
+        not _are_enough(group, [s.other for s in telling])
         or np.any(np.sign(lags) != np.sign(lags[0]))
         or abs(lags).min() < LEAST - SPREAD
     ):
         return None
     late = _shared_lag(lags)
     near = [s for s in telling if abs(s.lag - late) <= SPREAD + 1e-9]
-    if len(near) < _fewest(group) or abs(lags - late).max() > 2 * SPREAD + 1e-9:
+    if (
+        not _are_enough(group, [s.other for s in near])
+        or abs(lags - late).max() > 2 * SPREAD + 1e-9
+    ):
         return None
     if not LEAST - 1e-9 <= abs(late) <= FURTHEST - STEP:
         return None
     k = int(np.argmin(abs(signals.lags - late)))
     gains = [_gain(signals.lags, s, k) for s in near]
-    if sum(paired_test.p_value(g, MARGIN, w) < SURE for g, w in gains) < _fewest(group):
+    surely = [paired_test.p_value(g, MARGIN, w) < SURE for g, w in gains]
+    if not _are_enough(group, [s.other for s, is_sure in zip(near, surely) if is_sure]):
         return None
     gain, weight = np.mean([g for g, _ in gains], axis=0), np.max([w for _, w in gains], axis=0)
     p = paired_test.p_value(gain, MARGIN, weight)
@@ -290,7 +307,7 @@ def _shown(
     rest[:, use] = left
     total = np.log(left + noise).sum(axis=1)
     of_group = float((signals.now[group[-1]][use] ** 2).mean(axis=1).sum())
-    return _Shown(float(signals.lags[int(np.argmin(total))]), rest, noise, of_group)
+    return _Shown(other, float(signals.lags[int(np.argmin(total))]), rest, noise, of_group)
 
 
 def _frequency(rate: Array) -> float:

@@ -1,6 +1,6 @@
 """Rates of what moves together: a late sensor or strip is named with its lag, fingers that drum or tremble are not."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 
 import numpy as np
@@ -60,6 +60,43 @@ def test_a_sensor_that_is_late_in_gentle_movement_is_named() -> None:
     assert found(delayed(done("rom_fist"), ["middle_middle"], 0.2)) == [
         ("sensors.late", ("middle_middle",))
     ]
+
+
+def of_one_finger(rates: Sequence[Callable[[np.ndarray], np.ndarray]]) -> list[Block]:
+    """A hand that rests but for the index finger, whose sensors turn at rates (rad/s) about the axis of flexion."""
+    t, (rest,) = np.arange(2400) / 100.0, list(done("rest").blocks())
+    rng = np.random.default_rng(4)
+    values = np.zeros((len(t), len(rest.stream.sensors), 6))
+    values[..., 3] = 9.81
+    values += 0.01 * rng.normal(size=values.shape)
+    for sensor, rate in zip(CHAINS["index"], rates):
+        values[:, rest.stream.sensors.index(sensor), 2] += rate(t)
+    return [Block(rest.stream, t, values)]
+
+
+def bending(late: float, size: float) -> Callable[[np.ndarray], np.ndarray]:
+    """A joint that bends and straightens every three seconds, `late` s behind."""
+    return lambda t: size * np.sin(2 * np.pi * 0.7 * (t - late)) * (((t - late) % 3.0) < 1.43)
+
+
+def test_the_two_others_of_its_finger_show_a_late_middle_sensor() -> None:
+    one, two = bending(0.0, 1.0), bending(0.0, 2.0)
+    blocks = of_one_finger((one, lambda t: two(t - 0.15), lambda t: 1.3 * two(t)))
+    pairs = neighbours.prepare_pairs(blocks, GEOMETRY, {}, [])
+    assert pairs is not None
+    (late,) = synchrony.find(pairs)
+    assert late.sensors == ("index_middle",) and late.p_value < synchrony.FALSE_ALARM
+    assert late.late == pytest.approx(0.15, abs=0.02)
+
+
+@pytest.mark.parametrize("behind", [0.1, 0.2, -0.1, -0.2])
+def test_joints_of_a_finger_that_follow_each_other_are_not_late(behind: float) -> None:
+    """The knuckle first, or the joints of the finger first."""
+    mcp, pip, dip = bending(0.0, 1.2), bending(behind, 1.2), bending(1.3 * behind, 0.6)
+    blocks = of_one_finger((mcp, lambda t: mcp(t) + pip(t), lambda t: mcp(t) + pip(t) + dip(t)))
+    pairs = neighbours.prepare_pairs(blocks, GEOMETRY, {}, [])
+    assert pairs is not None
+    assert [d for d in synchrony.find(pairs) if d.p_value < synchrony.FALSE_ALARM] == []
 
 
 @pytest.mark.parametrize(
