@@ -2,8 +2,9 @@
 
 In      pairs of sensors (sensor_pairs.py)
 Out     who is late, by how much, from when to when
-Source  ours: sensors of one finger, and fingers that open and close the hand, turn at rates that are proportional to each other; test of a lag against none: paired_test.py
-Limits  while the hand rests, at least two other strips (of a single sensor four others, or the two others of its finger) have to move together and all to
+Source  ours: sensors of one finger, and fingers that open and close the hand, turn at rates that are proportional to each other, less what the hand turns about
+        the axis of flexion; test of a lag against none: paired_test.py
+Limits  at least two other strips (of a single sensor four others, or the two others of its finger) have to move together and all to
         show the same lag; strips that move in turn, or each by itself, tell nothing. Lags below `LEAST` may be a person's own
 """
 
@@ -27,6 +28,7 @@ LEAST = (
     0.08  # s: 3.5 times that of one finger against two others, sqrt(1 + 1/2) OWN_SD: 2 in 10 000
 )
 SPREAD = 0.03  # s, by which others may differ in the lag that they show
+FAR = 0.085  # s: 3 times sqrt(2) OWN_SD, by which none that tells a lag may differ
 NEAR_ZERO = 0.03  # s: lags that are none
 FALSE_ALARM = 1e-3  # of all fingers of one recording
 MARGIN = 0.4  # of the mean log ratio, as for delays (delays.py)
@@ -48,6 +50,8 @@ _Asked = tuple[
 ]  # a group, and the others of which each may tell its lag
 MOVING = 0.1  # rad/s, root mean square
 FLEXING = 0.7  # cosine of the angle between the main axis and that of flexion, from which on the finger bends; ours
+ASKEW = 0.1  # of the hand's rate, that it leaves about the axis of flexion: sensors 6 deg off
+CLEAR = 3.0  # times that, from which on a finger bends by itself
 TREMOR = 3.5  # Hz, from which on a rhythm is none that is meant: fingers tremble out of phase
 
 
@@ -58,7 +62,7 @@ class _Shown:
     other: tuple[str, ...]
     lag: float  # s, at which it fits best
     rest: Array  # (lags, K) what it leaves in each window
-    noise: float
+    noise: Array  # (K,)
     variance: float  # of the group's rate, summed over the windows that were asked
 
     @cached_property
@@ -76,6 +80,7 @@ class _Signals:
     later: dict[str, Array]  # by sensor (L, K, m), read later by each lag
     t: Array  # (K,) s
     use: dict[str, Array]  # by sensor (K,)
+    leak: dict[str, Array]  # by sensor (K,) mean square rate that a hand that turns may leave
     flexing: frozenset[
         str
     ]  # sensors of fingers whose main axis is that of flexion, flexion being positive
@@ -150,7 +155,8 @@ def _signals(pairs: Pairs) -> _Signals:
         (s.chosen * m + shift[0] >= 0) & (s.chosen * m + m + shift[-1] + by < len(s.t))
     ]
     rows = first[:, None] * m + np.arange(0, m, by)
-    now, later, use, flexing = {}, {}, {}, set()
+    now, later, use, leak, flexing = {}, {}, {}, {}, set()
+    about_z = _about_z(pairs, "hand", by)
     of_hand = np.sqrt((hand[rows] ** 2).sum(axis=2).mean(axis=1))
     for name in names:
         k = s.sensors.index(name)
@@ -165,8 +171,24 @@ def _signals(pairs: Pairs) -> _Signals:
         now[name], later[name] = rate[rows], rate[rows + shift[:, None, None]]
         there = s.whole[rows, k].mean(axis=1) > 1 - joint_windows.MOST_MISSING
         own = np.sqrt((gyr[rows] ** 2).sum(axis=2).mean(axis=1))
-        use[name] = (there & (of_hand < RESTING * own)).astype(float)
-    return _Signals(lags, now, later, s.t[first * m], use, frozenset(flexing))
+        rests = of_hand < RESTING * own
+        use[name], leak[name] = (there & rests).astype(float), np.zeros(len(rows))
+        if not name.startswith("thumb") and np.count_nonzero(there & rests) < 0.5 * len(rows):
+            flexing.add(name)
+            rate = _about_z(pairs, name, by)
+            now[name] = rate[rows] - about_z[rows]
+            later[name] = rate[rows + shift[:, None, None]] - about_z[rows]
+            use[name], leak[name] = there.astype(float), (ASKEW * of_hand) ** 2
+    return _Signals(lags, now, later, s.t[first * m], use, leak, frozenset(flexing))
+
+
+def _about_z(pairs: Pairs, name: str, by: int) -> Array:
+    """Rate (n,) of a segment about its axis of flexion, averaged over `by` samples: a finger that bends keeps that axis in the hand, too."""
+    s = pairs.series
+    axis = quat.rotate(quat.conjugate(pairs.q_BS[name]), np.array([0.0, 0.0, 1.0]))
+    return np.asarray(
+        np.convolve(s.gyr[:, s.sensors.index(name)] @ axis, np.full(by, 1.0 / by), "full")[by - 1 :]
+    )
 
 
 def _spans(t: Array) -> list[tuple[float, float]]:
@@ -261,10 +283,7 @@ def _judged(
         return None
     late = _shared_lag(lags)
     near = [s for s in telling if abs(s.lag - late) <= SPREAD + 1e-9]
-    if (
-        not _are_enough(group, [s.other for s in near])
-        or abs(lags - late).max() > 2 * SPREAD + 1e-9
-    ):
+    if not _are_enough(group, [s.other for s in near]) or abs(lags - late).max() > FAR + 1e-9:
         return None
     if not LEAST - 1e-9 <= abs(late) <= FURTHEST - STEP:
         return None
@@ -295,17 +314,19 @@ def _shown(
     x, Y = signals.now[other[-1]][use].ravel(), signals.later[group[-1]][:, use]
     variance, of_other = float((Y**2).mean()), float(x @ x / len(x))
     speed = 2 * np.pi * _frequency(Y[len(Y) // 2])  # rad/s of the rhythm
-    if min(variance, of_other) < MOVING**2 or speed > 2 * np.pi * TREMOR:
+    turned = np.maximum(signals.leak[group[-1]], signals.leak[other[-1]])
+    moving = max(MOVING**2, CLEAR**2 * float(turned[use].mean()))
+    if min(variance, of_other) < moving or speed > 2 * np.pi * TREMOR:
         return None
     flat = Y.reshape(len(Y), -1)
     share = flat @ x / (x @ x)
     if group[-1] in signals.flexing and other[-1] in signals.flexing:
         share = np.maximum(share, 0.0)  # what moves together bends together
     left = ((flat - share[:, None] * x) ** 2).reshape(Y.shape).mean(axis=2)
-    noise = NOISE**2 + (SHARE**2 + (0.5 * STEP * speed) ** 2) * variance
+    noise = NOISE**2 + (SHARE**2 + (0.5 * STEP * speed) ** 2) * variance + turned
     rest = np.zeros((len(Y), len(use)))
     rest[:, use] = left
-    total = np.log(left + noise).sum(axis=1)
+    total = np.log(left + noise[use]).sum(axis=1)
     of_group = float((signals.now[group[-1]][use] ** 2).mean(axis=1).sum())
     return _Shown(other, float(signals.lags[int(np.argmin(total))]), rest, noise, of_group)
 

@@ -204,7 +204,7 @@ def _between_rests(cells: Cells, known: Sequence[Suspicion]) -> list[Suspicion]:
 def _unnamed(cells: Cells, turns: Sequence[RestTurn]) -> Suspicion:
     worst = min(turns, key=lambda t: t.p_value)
     sensors = tuple(cells.sensors[t.sensor] for t in turns)
-    values = {
+    values: dict[str, float | str] = {
         "sensor": ", ".join(sensors),
         "off_deg": float(np.degrees(worst.off)),
         "start": worst.rests[0],

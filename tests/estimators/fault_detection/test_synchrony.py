@@ -89,6 +89,26 @@ def test_the_two_others_of_its_finger_show_a_late_middle_sensor() -> None:
     assert late.late == pytest.approx(0.15, abs=0.02)
 
 
+def test_a_strip_that_is_late_while_the_hand_turns_is_named_against_the_others() -> None:
+    """Fingers bend half a second after the hand turns, one way: rates about the axis of flexion, less the hand's, bend together."""
+    t, (rest,) = np.arange(2400) / 100.0, list(done("rest").blocks())
+    rng = np.random.default_rng(4)
+    values = np.zeros((len(t), len(rest.stream.sensors), 6))
+    values[..., 3] = 9.81
+    values += 0.01 * rng.normal(size=values.shape)
+    size = dict(zip(("proximal", "middle", "distal"), (0.7, 1.4, 1.8)))
+    for k, name in enumerate(rest.stream.sensors):
+        at = t - 0.15 * (name in CHAINS["ring"])
+        values[:, k, 0] += 0.8 * np.sin(2 * np.pi * 0.4 * at)
+        values[:, k, 2] += 0.8 * np.cos(2 * np.pi * 0.4 * at)
+        bends = size.get(name.partition("_")[2], 0.0) * (not name.startswith("thumb"))
+        values[:, k, 2] += bends * np.sin(2 * np.pi * 0.4 * (at - 0.5))
+    pairs = neighbours.prepare_pairs([Block(rest.stream, t, values)], GEOMETRY, {}, [])
+    assert pairs is not None
+    (late,) = [d for d in synchrony.find(pairs) if d.p_value < synchrony.FALSE_ALARM]
+    assert late.sensors == CHAINS["ring"] and late.late == pytest.approx(0.15, abs=0.03)
+
+
 @pytest.mark.parametrize("behind", [0.1, 0.2, -0.1, -0.2])
 def test_joints_of_a_finger_that_follow_each_other_are_not_late(behind: float) -> None:
     """The knuckle first, or the joints of the finger first."""
