@@ -23,13 +23,14 @@ from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
 
 REST = 30  # cells: 0.6 s
-STILL = 0.06  # rad/s, standard deviation of each rate in a rest, and how far its mean may be from the sensor's bias
-STEADY = 0.15  # m/s^2, standard deviation of each acceleration in a rest
+TREMBLES = 20  # cells: 0.4 s, over which a tremor is averaged
+STILL = 0.06  # rad/s, standard deviation of each averaged rate in a rest, and how far its mean may be from the sensor's bias
+STEADY = 0.15  # m/s^2, standard deviation of each averaged acceleration in a rest
+SWING = np.radians(2.0)  # standard deviation of the angle about each axis in a rest
 SIZE = 0.5  # m/s^2, by which a rest's acceleration may differ from gravity: bias and scale
 LONGEST = 500  # cells between two rests: 10 s
-REST_SD = np.radians(
-    3.0
-)  # of gravity's direction in a rest: 0.5 m/s^2 of bias, and of a hand that is carried evenly
+# of gravity in a rest: 50 mg, the offset of a part that is not calibrated, and what a hand that is carried evenly adds
+REST_SD = np.radians(3.0)
 GAIN_SD = 0.03  # of a path: scale and cross-axis errors of a gyroscope that is right
 DRIFT_SD = np.radians(0.5)  # rad/s: how much a bias may differ from that of the rests
 MISSES = 3.0  # standard deviations from which on gravity does not arrive
@@ -151,23 +152,34 @@ def _pairs(cells: Cells, k: int) -> Iterator[_Pair]:
 
 
 def _still(gyr: Array, acc: Array, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Cells (n,) that lie in a rest of REST cells."""
-
-    def moments(x: Array) -> tuple[Array, Array]:
-        total = np.concatenate([np.zeros((1, x.shape[1])), np.cumsum(x, axis=0)])
-        square = np.concatenate([np.zeros((1, x.shape[1])), np.cumsum(x**2, axis=0)])
-        mean = (total[REST:] - total[:-REST]) / REST
-        return mean, np.sqrt(np.maximum((square[REST:] - square[:-REST]) / REST - mean**2, 0.0))
-
-    rate, rate_sd = moments(gyr)
-    force, force_sd = moments(acc)
+    """Cells (n,) that lie in a rest of REST cells; a sensor that trembles rests where it is on average."""
     whole = np.convolve(valid, np.ones(REST), "valid") > REST - 0.5
+    rate, rate_sd = _moments(_smooth(gyr))
+    force, force_sd = _moments(_smooth(acc))
     quiet = whole & (rate_sd < STILL).all(axis=1) & (force_sd < STEADY).all(axis=1)
     quiet &= np.abs(np.linalg.norm(force, axis=1) - GRAVITY) < SIZE
     if not quiet.any():
         return np.zeros(len(gyr), bool)
-    quiet &= (np.abs(rate - np.median(rate[quiet], axis=0)) < STILL).all(axis=1)
+    bias = np.median(rate[quiet], axis=0)
+    swing = _moments(np.cumsum(CELL * (gyr - bias), axis=0))[1]
+    quiet &= (np.abs(rate - bias) < STILL).all(axis=1) & (swing < SWING).all(axis=1)
     out = np.zeros(len(gyr) + 1)
     np.add.at(out, np.flatnonzero(quiet), 1)
     np.add.at(out, np.flatnonzero(quiet) + REST, -1)
-    return np.cumsum(out)[:-1] > 0.5
+    return np.asarray(np.cumsum(out)[:-1] > 0.5)
+
+
+def _smooth(x: Array) -> Array:
+    """Values (n, 3) averaged over TREMBLES cells."""
+    padded = np.pad(x, ((TREMBLES // 2, TREMBLES - 1 - TREMBLES // 2), (0, 0)), mode="edge")
+    total = np.cumsum(np.concatenate([np.zeros((1, 3)), padded]), axis=0)
+    return np.asarray((total[TREMBLES:] - total[:-TREMBLES]) / TREMBLES)
+
+
+def _moments(x: Array) -> tuple[Array, Array]:
+    """Mean and standard deviation (n - REST + 1, 3) of values (n, 3) in every REST cells."""
+    total = np.cumsum(np.concatenate([np.zeros((1, 3)), x]), axis=0)
+    square = np.cumsum(np.concatenate([np.zeros((1, 3)), x**2]), axis=0)
+    mean = (total[REST:] - total[:-REST]) / REST
+    variance = (square[REST:] - square[:-REST]) / REST - mean**2
+    return mean, np.sqrt(np.maximum(variance, 0.0))

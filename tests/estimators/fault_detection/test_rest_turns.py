@@ -18,11 +18,14 @@ RIGHT = np.eye(3)
 AXIS = np.array([2.0, 1.0, 0.5]) / np.sqrt(5.25)
 
 
-def bent_once(wrong: Array = RIGHT, sensor: str = "index_middle") -> list[Block]:
+def bent_once(
+    wrong: Array = RIGHT, sensor: str = "index_middle", tremor: float = 0.0
+) -> list[Block]:
     """Ten seconds in which a finger bends once, in two seconds, and rests else; noise and biases of a usual sensor."""
     rng, t = np.random.default_rng(2), np.arange(1000) / 100.0
     share = np.clip((t - 4.0) / 2.0, 0.0, 1.0)
     angle = (share**3 * (10 - 15 * share + 6 * share**2))[:, None] * BENT
+    angle = angle + tremor * np.sin(2 * np.pi * 5.5 * t)[:, None]
     rate = np.gradient(angle, t, axis=0)[..., None] * AXIS
     q_start = quat.normalize(rng.normal(size=(len(NAMES), 4)))
     q = quat.multiply(q_start, quat.exp(angle[..., None] * AXIS))
@@ -49,6 +52,14 @@ def test_one_movement_is_enough_to_doubt_a_gyroscope(wrong: Array) -> None:
     (found,) = check_sensors(bent_once(wrong))
     assert found.sensors == ("index_middle",) and found.p_value < FALSE_ALARMS
     assert found.message.code.startswith("sensor.gyroscope_") and found.message.severity == "fault"
+
+
+def test_a_hand_that_trembles_rests_where_it_is_on_average() -> None:
+    tremor = np.radians(1.5)
+    assert check_sensors(bent_once(tremor=tremor)) == []
+    assert len(find(cells_of(bent_once(tremor=tremor)), np.ones(4, bool))) >= 3
+    found = check_sensors(bent_once(np.diag([-1.0, 1.0, 1.0]), tremor=tremor))
+    assert [s.sensors for s in found] == [("index_middle",)]
 
 
 def test_what_has_no_name_is_said_with_the_two_rests() -> None:
