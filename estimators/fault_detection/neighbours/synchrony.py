@@ -50,7 +50,7 @@ _Asked = tuple[
 ]  # a group, and the others of which each may tell its lag
 MOVING = 0.1  # rad/s, root mean square
 FLEXING = 0.7  # cosine of the angle between the main axis and that of flexion, from which on the finger bends; ours
-ASKEW = 0.1  # of the hand's rate, that it leaves about the axis of flexion: sensors 6 deg off
+MISALIGNED = 0.1  # of the hand's rate, that it leaves about the axis of flexion: sensors 6 deg off
 CLEAR = 3.0  # times that, from which on a finger bends by itself
 TREMOR = 3.5  # Hz, from which on a rhythm is none that is meant: fingers tremble out of phase
 
@@ -178,7 +178,7 @@ def _signals(pairs: Pairs) -> _Signals:
             rate = _about_z(pairs, name, by)
             now[name] = rate[rows] - about_z[rows]
             later[name] = rate[rows + shift[:, None, None]] - about_z[rows]
-            use[name], leak[name] = there.astype(float), (ASKEW * of_hand) ** 2
+            use[name], leak[name] = there.astype(float), (MISALIGNED * of_hand) ** 2
     return _Signals(lags, now, later, s.t[first * m], use, leak, frozenset(flexing))
 
 

@@ -28,9 +28,11 @@ SENSORS = 3  # at least
 FURTHEST = max(AROUND)  # rows from a jump whose steps it is measured by
 NEAR = 0.25  # s between peaks that are told apart
 LEAVE, TAIL = 4, 30  # largest peaks that may be losses, and peaks that tell the tail
+KNOCK = 0.05  # s beside a jump that are left out of that
 BESIDE = 0.4  # s before and behind a jump in which gravity is averaged
 TURNED = 0.9  # share of all instants at which gravity's change has to be smaller than at a loss
 LEAST_TURN = np.radians(3.0)  # of gravity in the sensors: a loss that costs less is left alone
+FARTHER = 1.5  # times what SENSORS sensors do anywhere else, that they have to at a loss where the others rest
 LONGEST = 10.0  # s
 
 
@@ -41,6 +43,15 @@ class Loss:
     t: float  # s, of the last row before
     seconds: float  # very roughly: what the sensors would take for the turn at the rates before and behind, LONGEST at most
     p_value: float
+
+
+@dataclass(frozen=True)
+class _Turns:
+    """By how much gravity has turned at a row, of all sensors (rad)."""
+
+    median: float
+    few: float  # of the SENSORS-th largest
+    seconds: float  # that the sensors' rates take for it
 
 
 def lost_rows(blocks: Sequence[Block]) -> list[Suspicion]:
@@ -86,9 +97,9 @@ def losses_of(block: Block) -> list[Loss]:
     for k in peaks[:LEAVE]:
         p = float(min(1.0, len(tail) * np.exp(-(jump[k] - begin) / slope)))
         if p < FALSE_ALARMS:
-            turn, usual, seconds = _gravity_turn(block, int(k))
-            if turn > max(LEAST_TURN, usual):
-                found.append(Loss(float(block.t[k]), seconds, p))
+            turns, usual = _gravity_turns(block, int(k))
+            if turns is not None and _is_elsewhere(turns, usual):
+                found.append(Loss(float(block.t[k]), turns.seconds, p))
     return sorted(found, key=lambda loss: loss.t)
 
 
@@ -113,24 +124,30 @@ def _peaks(jump: Array, spacing: int) -> NDArray[np.intp]:
     return np.asarray(rows[np.argsort(-jump[rows])])
 
 
-def _gravity_turn(block: Block, row: int) -> tuple[float, float, float]:
-    """By how much gravity has turned (rad, median sensor) behind a row against before, what it usually does, and the s lost."""
+def _is_elsewhere(turns: _Turns, usual: Sequence[_Turns]) -> bool:
+    """Whether gravity is elsewhere behind a row: in most sensors, or far more than ever else in those of the fingers that move."""
+    if not usual:
+        return False
+    most = max(LEAST_TURN, float(np.quantile([u.median for u in usual], TURNED)))
+    few = max(LEAST_TURN, FARTHER * max(u.few for u in usual))
+    return turns.median > most or turns.few > few
+
+
+def _gravity_turns(block: Block, row: int) -> tuple[_Turns | None, list[_Turns]]:
+    """How gravity has turned behind a row against before, and what it does elsewhere."""
     rate = 1.0 / float(np.median(np.diff(block.t)))
     n = max(3, round(BESIDE * rate))
     places = np.linspace(n, len(block.t) - n - 1, 60).astype(int)
     usual = [
-        turn[0]
+        turns
         for k in places
-        if abs(k - row) > 2 * n and (turn := _turn_at(block, int(k), n, rate)) is not None
+        if abs(k - row) > 2 * n and (turns := _turns_at(block, int(k), n, rate)) is not None
     ]
-    here = _turn_at(block, row, n, rate)
-    if here is None or not usual:
-        return 0.0, np.inf, 0.0
-    return here[0], float(np.quantile(usual, TURNED)), here[1]
+    return _turns_at(block, row, n, rate), usual
 
 
-def _turn_at(block: Block, row: int, n: int, rate: float) -> tuple[float, float] | None:
-    """Median turn of gravity (rad) from n rows before to n rows behind in the frame at a row, and the time (s) that the rates there take for it."""
+def _turns_at(block: Block, row: int, n: int, rate: float) -> _Turns | None:
+    """Turns of gravity from n rows before to n rows behind in the frame at a row, and the time that the rates there take for them."""
     rows = slice(row - n + 1, row + n + 1)
     gyr, acc = block.of(GYR)[rows], block.of(ACC)[rows]
     if row - n + 1 < 0 or len(gyr) < 2 * n:
@@ -146,16 +163,16 @@ def _turn_at(block: Block, row: int, n: int, rate: float) -> tuple[float, float]
     turn = np.arccos(np.clip((before * behind).sum(axis=-1), -1, 1))
     rates = 0.5 * (gyr[n - 3 : n].mean(axis=0) + gyr[n : n + 3].mean(axis=0))
     speed = np.linalg.norm(np.cross(rates, before), axis=-1)
-    return float(np.median(turn)), float(
-        min(LONGEST, (turn * speed).sum() / max(float((speed**2).sum()), 1e-9))
-    )
+    seconds = min(LONGEST, float((turn * speed).sum()) / max(float((speed**2).sum()), 1e-9))
+    return _Turns(float(np.median(turn)), float(np.sort(turn)[-SENSORS]), seconds)
 
 
 def _carried(gyr: Array, acc: Array, dt: float) -> Array:
-    """Direction (S, 3) of the mean of forces (n, S, 3) brought to the first row's frame by rates."""
+    """Direction (S, 3) of the mean of forces (n, S, 3), but those of a knock, brought to the first row's frame by rates."""
     q, total = np.broadcast_to(quat.IDENTITY, (*gyr.shape[1:-1], 4)), np.zeros(acc.shape[1:])
-    for w, a in zip(gyr, acc):
+    for k, (w, a) in enumerate(zip(gyr, acc)):
         q = quat.multiply(q, quat.exp(0.5 * dt * w))
-        total = total + quat.rotate(q, a)
+        if k >= round(KNOCK / abs(dt)):
+            total = total + quat.rotate(q, a)
         q = quat.multiply(q, quat.exp(0.5 * dt * w))
     return np.asarray(total / np.maximum(np.linalg.norm(total, axis=-1, keepdims=True), 1e-9))

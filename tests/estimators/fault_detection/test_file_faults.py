@@ -100,6 +100,32 @@ def test_dropped_rows_are_found_where_they_were():
     assert abs(found.spans[0][0] - 8.0) < 0.03
 
 
+def with_two_fingers_that_move():
+    """Of a hand that moves freely thumb and index finger; the other sensors sway a little."""
+    (block,) = moved_freely()
+    values = block.values.copy()
+    for k, name in enumerate(block.stream.sensors):
+        if not name.startswith(("thumb", "index")):
+            mean = np.array([0.01, -0.01, 0.0, 2.0, 9.0, 3.3])
+            values[:, k] = mean + 0.02 * (values[:, k] - values[:, k].mean(axis=0))
+    return [replace(block, values=values)]
+
+
+def test_rows_dropped_while_two_fingers_move_only_are_found():
+    """Most sensors rest: gravity is elsewhere in those of thumb and index finger."""
+    (found,) = lost_rows(without_rows(with_two_fingers_that_move(), 8.0, 9.5))
+    assert abs(found.spans[0][0] - 8.0) < 0.03
+
+
+def test_a_knock_while_two_fingers_move_is_no_loss():
+    def knocked(a):
+        a = a.copy()
+        a[700:703] += [30.0, -20.0, 15.0]
+        return a
+
+    assert lost_rows(with_readings(with_two_fingers_that_move(), ACC, knocked)) == []
+
+
 def test_a_gap_that_the_times_show_is_no_loss():
     blocks = [
         replace(b, t=b.t[rows := (b.t < 8.0) | (b.t >= 9.5)], values=b.values[rows])
