@@ -19,6 +19,8 @@ from handscope.estimators.numerics.typing import Array
 
 UNSURE = Flag.MISSING | Flag.SATURATED | Flag.HEADING_LOST
 BENT = np.radians(12.0)  # of PIP or DIP, either way: from here on a finger is bent
+# of PIP and DIP together in the other order: a straight finger has none, whatever a heading's drift seems to bend
+CLEAR = 2 * BENT
 POSE_SD = np.radians(2.5)  # of a joint in the pose
 SKIN = 4.0 / 90.0  # turn of a sensor per turn of its joint
 FALSE_ALARM = 1e-3  # of all fingers of one recording
@@ -50,7 +52,7 @@ def _order(free: Trajectory, angles: Array, finger: str) -> Suspicion | None:
         return None
     k, z = _backward(turned)
     orders = [list(o) for o in itertools.permutations(range(len(sensors)))][1:]
-    fits = [o for o in orders if _backward(turned[:, o])[1] < 1.0]
+    fits = [o for o in orders if _backward(turned[:, o])[1] < 1.0 and _bent(turned[:, o]) > CLEAR]
     p = min(1.0, float(normal_sf(z)) * 2 * len(FINGERS[1:]))
     if p >= FALSE_ALARM or not fits:
         return None
@@ -84,6 +86,11 @@ def _turned(free: Trajectory, angles: Array, finger: str) -> tuple[Array, Array,
     known &= ((flags[:, [SEGMENT[s] for s in worn]] & UNSURE) == 0).all(axis=1)
     bent = known & (np.abs(np.diff(turned, axis=1)) > BENT).any(axis=1)
     return turned[bent], free.t[::step][bent], tuple(worn)
+
+
+def _bent(turned: Array) -> float:
+    """By how much (rad) a finger's segments are bent on each other together, in the middle of the time."""
+    return float(np.median(turned[:, -1] - turned[:, 0]))
 
 
 def _backward(turned: Array) -> tuple[int, float]:

@@ -1,14 +1,16 @@
 """The order of a finger's sensors by how it bends: named where the hand rests, too."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 from handscope.estimators.hand import joint_angles
-from handscope.estimators.hand.anatomy import CHAINS
+from handscope.estimators.hand.anatomy import CHAINS, SEGMENT
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.methods import m2
+from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.pipeline.recording_calibration import calibrate
 from handscope.estimators.recording_checks.finger_order import check_order
 from handscope.estimators.recording_checks.free_joints import (
@@ -55,3 +57,11 @@ def test_three_sensors_in_another_order_are_named_together() -> None:
 def test_the_declared_order_is_not_suspected_where_it_is_right(task: str) -> None:
     recording = done(task)
     assert check_joints(recording, calibrate(m2.Params(), recording)[0]) == []
+
+
+def test_a_straight_finger_whose_distal_sensor_drifts_is_in_its_order() -> None:
+    recording = done("rom_wrist")
+    free = move_freely(recording, calibrate(m2.Params(), recording)[0])
+    q_GS, k = free.q_GS.copy(), SEGMENT[CHAIN[2]]
+    q_GS[:, k] = quat.multiply(q_GS[:, k], quat.about(2, np.radians(-15.0)))
+    assert check_order(replace(free, q_GS=q_GS), joint_angles.of_segments(q_GS)) == []
