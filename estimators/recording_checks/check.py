@@ -26,6 +26,14 @@ from handscope.estimators.pipeline.recording_calibration import calibrate
 from handscope.estimators.recording_checks.free_joints import check_joints
 from handscope.estimators.recording_checks.pose_gravity import check_pose
 
+EXPLAINS = {  # what a cause of the file looks like at single sensors, by the kind of their findings
+    "file.accelerometer_unit": "gravity",
+    "file.gyroscope_negated": "turned",
+    "file.gyroscope_sign": "turned",
+    "file.gyroscope_exchange": "turned",
+    "file.gyroscope_axes": "turned",
+    "file.accelerometer_negated": "turned",
+}
 EDGE = 0.1  # s: checks look at windows, so a fault begins a little earlier and ends a little later than they say
 
 
@@ -41,6 +49,7 @@ def check_processed(processed: Processed, recording: Recording) -> Processed:
         for s in suspicions_of(recording, processed.calibrations)
         if not (s.message.code == "sensor.slipped" and turned & {*s.sensors})
     ]
+    processed = _without_explained(processed, {s.message.code for s in suspicions})
     findings = as_findings(suspicions)
     flag_segments(processed.trajectory, [*as_findings(noticed), *findings])
     trajectory = processed.trajectory
@@ -55,6 +64,18 @@ def check_processed(processed: Processed, recording: Recording) -> Processed:
         warnings=tuple(messages),
         findings=(*processed.findings, *findings),
         suspicions=(*noticed, *suspicions),
+    )
+
+
+def _without_explained(processed: Processed, codes: set[str]) -> Processed:
+    """Without what is said of each sensor where one cause of the file explains it; flags stay as they are."""
+    kinds = {kind for code, kind in EXPLAINS.items() if code in codes}
+    explained = [f for f in processed.findings if f.kind in kinds]
+    messages = {f.message for f in explained}
+    return replace(
+        processed,
+        findings=tuple(f for f in processed.findings if f not in explained),
+        warnings=tuple(w for w in processed.warnings if w not in messages),
     )
 
 

@@ -34,7 +34,9 @@ from handscope.estimators.fault_detection.single_sensors.frozen_rows import (
     backward_times,
     frozen_stretches,
 )
+from handscope.estimators.fault_detection.single_sensors.gravity_fit import likelihoods_of
 from handscope.estimators.fault_detection.single_sensors.gyroscope_check import (
+    HOPEFUL,
     Judged,
     Verdict,
     judge,
@@ -102,7 +104,7 @@ def check_sensors(blocks: Sequence[Block]) -> list[Suspicion]:
     sizes, factor = accelerometer_sizes(cells)
     cells = replace(cells, acc=cells.acc * factor)
     gyroscopes = check_gyroscopes(cells)
-    gyroscopes += _between_rests(cells, gyroscopes)
+    gyroscopes = _shared([*gyroscopes, *_between_rests(cells, gyroscopes)], cells)
     found = [
         *backward,
         *frozen,
@@ -175,6 +177,37 @@ def check_gyroscopes(cells: Cells, among: int = 1) -> list[Suspicion]:
     suspicion, M = found
     mended = replace(cells, gyr=cells.gyr @ M.T)
     return [suspicion, *_of_sensors(mended, judge(mended), len(judged))]
+
+
+def _shared(found: Sequence[Suspicion], cells: Cells) -> list[Suspicion]:
+    """A fault that several sensors of more than one strip have and that no other contradicts, said once of all: the program that wrote the file does so."""
+    best: tuple[list[Suspicion], Fault] | None = None
+    for fault in discrete_faults()[1:]:
+        have = [s for s in found if s.message.code == f"sensor.{fault.code}"]
+        have = [
+            s
+            for s in have
+            if {**s.message.values, "sensor": ""} == {**dict(fault.values), "sensor": ""}
+        ]
+        strips = {s.sensors[0].partition("_")[0] for s in have}
+        if len(have) >= LEAST and len(strips) > 1 and (best is None or len(have) > len(best[0])):
+            best = have, fault
+    if best is None or _contradicts(cells, *best):
+        return list(found)
+    have, fault = best
+    p, others = min(s.p_value for s in have), [s for s in found if s not in have]
+    code = f"file.{fault.code}"
+    return [_suspicion(code, fault, cells.sensors, _whole(cells), p, fault.certain), *others]
+
+
+def _contradicts(cells: Cells, have: Sequence[Suspicion], fault: Fault) -> bool:
+    """Whether sensors that turn enough to show a fault do not have it: one to two that have it are enough."""
+    named = {s.sensors[0] for s in have}
+    others = cells.of(np.array([k for k, n in enumerate(cells.sensors) if n not in named], int))
+    if not others.sensors:
+        return False
+    as_it_is, with_it = likelihoods_of(others, np.array([np.eye(3), fault.matrix])).sum(axis=1)
+    return bool(2 * np.count_nonzero(as_it_is - with_it > HOPEFUL) > len(have))
 
 
 def _between_rests(cells: Cells, known: Sequence[Suspicion]) -> list[Suspicion]:

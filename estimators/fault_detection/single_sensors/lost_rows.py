@@ -130,7 +130,7 @@ def _is_elsewhere(turns: _Turns, usual: Sequence[_Turns]) -> bool:
         return False
     most = max(LEAST_TURN, float(np.quantile([u.median for u in usual], TURNED)))
     few = max(LEAST_TURN, FARTHER * max(u.few for u in usual))
-    return turns.median > most or turns.few > few
+    return bool(turns.median > most or turns.few > few)
 
 
 def _gravity_turns(block: Block, row: int) -> tuple[_Turns | None, list[_Turns]]:

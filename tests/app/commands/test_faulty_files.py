@@ -111,6 +111,16 @@ def test_a_faulty_file_is_processed_with_flags_and_no_figure_on_its_sensor_is_go
     assert "good" in {grade for name, grade in grades.items() if "ring_pip" in name}
 
 
+def test_what_all_accelerometers_have_is_said_once(
+    intact: LoadedRecording, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(intact, in_g, tmp_path / "faulty")
+    assert main(["process", path, "--method", "m2", "--out", str(tmp_path / "derivative")]) == 2
+    warnings = [w for w in capsys.readouterr().out.splitlines() if w.startswith("warning")]
+    assert sum("this looks like g" in w for w in warnings) == 1
+    assert not any("check its calibration" in w for w in warnings)
+
+
 def test_a_sensor_turned_by_a_right_angle_ends_with_exit_code_2_and_no_good_figure(
     intact: LoadedRecording, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

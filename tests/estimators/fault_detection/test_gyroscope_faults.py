@@ -101,6 +101,43 @@ def test_a_fault_from_half_way_on_is_told_from_there_on():
     )
 
 
+def sign_of(sensors, axis, blocks):
+    """Recordings in which one axis of some gyroscopes has the wrong sign."""
+    for sensor in sensors:
+        wrong = by_matrix(np.diag([1.0 - 2.0 * (k == axis) for k in range(3)]))
+        blocks = with_readings(blocks, GYR, wrong, sensor)
+    return blocks
+
+
+def test_what_sensors_of_several_strips_show_and_none_contradicts_is_said_once_of_all():
+    """A rotation of all about the vertical hides the axis in those that do not turn about it."""
+    blocks = performed("initial_pose", "open_close")
+    mounted = [turned_mounting(b) for b in blocks]
+    spoilt = with_readings(mounted, GYR, by_matrix(np.diag([1.0, 1.0, -1.0])))
+    (found,) = check_sensors(spoilt)
+    assert found.message.code == "file.gyroscope_sign"
+    assert found.message.values["axis"] == "z" and "sensor" not in found.message.values
+    assert len(found.sensors) == len(blocks[0].stream.sensors)
+
+
+def turned_mounting(block):
+    """The samples of sensors of which every other one sits turned by a right angle, so that it bends about another of its axes."""
+    values = block.values.copy()
+    for k in range(0, values.shape[1], 2):
+        for first in (0, 3):
+            values[:, k, first : first + 3] = values[:, k, first : first + 3][:, [2, 0, 1]]
+    return replace(block, values=values)
+
+
+@pytest.mark.parametrize("moved", [lambda: performed("initial_pose", "rom_fist"), moved_freely])
+def test_a_fault_of_one_strip_is_not_said_of_all(moved):
+    strip = ("ring_proximal", "ring_middle", "ring_distal")
+    found = check_sensors(sign_of(strip, 2, moved()))
+    assert [(s.message.code, s.sensors) for s in found] == [
+        ("sensor.gyroscope_sign", (s,)) for s in strip
+    ]
+
+
 def test_a_hand_at_rest_tells_nothing_of_an_axis():
     assert (
         check_sensors(
