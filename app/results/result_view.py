@@ -25,6 +25,7 @@ from handscope.app.report.sections.range_rows import (
 from handscope.app.report.sections.shown_panels import shown_of
 from handscope.app.report.units import DEG, TAPPING_DECIMALS, reading
 from handscope.app.report.words import figure_words
+from handscope.app.results.hand_history import resembles_other_hand
 from handscope.app.results.headlines import FOLDED, finger_rows, headlines, joint_deficits
 from handscope.app.results.trust import judge_trust, trust_payload
 from handscope.estimators.measures import MEASURES
@@ -83,7 +84,7 @@ def readings(  # noqa: PLR0913
             compared,
             edition,
         ),
-        "trust": _trust(content, figures, protocols, language, edition),
+        "trust": _trust(content, figures, protocols, language, changes, compared, edition),
         "changes": _changes(changes, protocols, language) if changes else None,
         "others": _others(
             tasks, figures, protocols, language, grading, other_hand, edition, changes
@@ -110,6 +111,8 @@ def _trust(
     figures: list[dict[str, Any]],
     protocols: Mapping[str, Protocol],
     language: Language,
+    changes: Changes | None,
+    compared: Compared | None,
     edition: Edition | None,
 ) -> dict[str, Any]:
     """Whether the figures can be trusted, by the rules of app/results/trust.py."""
@@ -117,7 +120,9 @@ def _trust(
     titles = {task: _title({"task": task}, protocols.get(task), language) for task, _ in rows}
     calibrated = bool((content.get("calibration") or {}).get("quality"))
     drifts = [Drift(**d) for d in content.get("drift", ())]
-    found = judge_trust(rows, calibrated, edition, drifts)
+    measured = [(f["task"], f["measure"], _stored_figure(f)) for f in figures]
+    asks_hand = resembles_other_hand(measured, changes, compared)
+    found = judge_trust(rows, calibrated, edition, drifts, asks_hand)
     return trust_payload(found, titles, language, edition)
 
 

@@ -56,6 +56,9 @@ class Trust:
     count: int
     doubts: tuple[Doubt, ...]
     drifts: tuple[Drift, ...] = ()
+    asks_hand: bool = (
+        False  # whether the other hand was measured: a question, which changes no answer
+    )
 
 
 def judge_trust(
@@ -63,8 +66,9 @@ def judge_trust(
     calibrated: bool,
     edition: Edition | None = None,
     drifts: Sequence[Drift] = (),
+    asks_hand: bool = False,
 ) -> Trust:
-    """By the figures of a result, each with its task's name, and by what drifts at rest."""
+    """By the figures of a result, each with its task's name, and by what drifts at rest; `asks_hand` where it looks like the other hand's (hand_history.py)."""
     counts: dict[tuple[str, str], int] = {}
     for task, figure in rows:
         if figure.grade != "good":
@@ -81,7 +85,7 @@ def judge_trust(
     doubts.sort(key=lambda doubt: -doubt.count)
     if not calibrated:
         doubts.insert(0, Doubt("", FLAG_WORDS[Flag.UNCALIBRATED], len(rows)))
-    return Trust(answer, good, len(rows), tuple(doubts), tuple(drifts))
+    return Trust(answer, good, len(rows), tuple(doubts), tuple(drifts), asks_hand)
 
 
 def trust_payload(
@@ -96,7 +100,9 @@ def trust_payload(
     if trust.doubts and not todo:
         todo = [language.say("trust.do.repeat")]
     facts = {"good": language.number(trust.good), "count": language.number(trust.count)}
-    listed = [_drift_words(d, language) for d in trust.drifts]
+    listed = [language.say("trust.other_hand")] if trust.asks_hand else []
+    todo = ([language.say("trust.do.other_hand")] if trust.asks_hand else []) + todo
+    listed += [_drift_words(d, language) for d in trust.drifts]
     listed += [_doubt_words(d, titles, language, edition) for d in trust.doubts[:NAMED]]
     more = len(trust.doubts) - NAMED
     key = "trust.nothing" if not trust.count else f"trust.{trust.answer}"
