@@ -16,7 +16,7 @@ from handscope.sessions.clinic.references import Compared
 
 FEWEST = 6  # joints
 LESS = 1.0  # times the minimal detectable change, by which the middle one has become smaller
-ALIKE = 0.5  # times it, within which the middle one is the other hand's: repeated measurements differ by 0.34 in the middle
+SAME = 0.5  # times it, within which the middle one is the other hand's: repeated measurements differ by 0.34 in the middle
 
 
 def resembles_other_hand(
@@ -35,7 +35,7 @@ def resembles_other_hand(
     """
     if changes is None or other is None:
         return False
-    grown, apart = [], []
+    grown, distances = [], []
     for task, measure, figure in rows:
         change, values = changes.of(task, figure.name), other.values
         known = values.get((measure, task, figure.name))
@@ -43,5 +43,5 @@ def resembles_other_hand(
             continue
         there = replace(figure, value=known[0])
         grown.append(change.value / change.mdc95)
-        apart.append(abs(reading(figure).value - reading(there).value) / change.mdc95)
-    return len(grown) >= FEWEST and median(grown) < -LESS and median(apart) < ALIKE
+        distances.append(abs(reading(figure).value - reading(there).value) / change.mdc95)
+    return len(grown) >= FEWEST and median(grown) < -LESS and median(distances) < SAME
