@@ -20,6 +20,7 @@ from handscope.app.workers.process import CONTEXT
 from handscope.estimators.simulation.scenario import Simulated
 from tests import schedule
 from tests.browser import chromium
+from tests.sessions import new_databases
 from tests.simulated import pose_and_wiggle
 
 time.tzset()
@@ -68,6 +69,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("browser")
         if {"virtual_glove", "subprocess"} & vars(item.module).keys():  # type: ignore[attr-defined]
             item.add_marker("process")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def new_databases_are_copies(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        new_databases.use(patch, tmp_path_factory.mktemp("migrated"))
+        yield
 
 
 @pytest.fixture(scope="module")
