@@ -7,6 +7,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from handscope.estimators.data.held_contact import HeldContact
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.messages.sentence import phrase
@@ -125,6 +126,7 @@ class Calibration:
     orientation_sd: float | None = None
     # s, the movement used, where the calibration is not from a pose
     stretch: tuple[float, float] | None = None
+    contacts: tuple[HeldContact, ...] = ()  # held after it, in order of time
     is_functional: bool = False  # movements of a functional calibration are combined with it
     from_prior: str = ""  # what an earlier self-calibration gave: "lengths", "seats and lengths"
 

@@ -45,7 +45,6 @@ FINGERTIPS: Mapping[str, FingertipSize] = {
     "ring": FingertipSize(0.016, 0.013),
     "little": FingertipSize(0.014, 0.012),
 }
-POINTS = ("left", "right", "bottom", "distal")
 
 
 def contact_points(

@@ -114,6 +114,19 @@ class Samples:
     def __len__(self) -> int:
         return len(self.t)
 
+    def between(self, part: slice) -> "Samples":
+        """Some of the rows."""
+        return Samples(
+            self.t[part],
+            self.turn[part],
+            self.bias_time[part],
+            self.acc[part],
+            self.rotation_variance[part],
+            self.known[part],
+            self.q_first[part],
+            None if self.mag is None else self.mag[part],
+        )
+
 
 @dataclass(frozen=True)
 class State:

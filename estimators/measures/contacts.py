@@ -11,30 +11,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handscope.estimators.data.fingertip_contacts import FINGERTIPS, POINTS, contact_points_of
+from handscope.estimators.data.fingertip_contacts import FINGERTIPS, contact_points_of
+from handscope.estimators.data.held_contact import Contact
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENT
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.figure import Grade
-from handscope.estimators.measures.task_request import TaskRequest
 from handscope.estimators.measures.time_window import grade_window
 from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 
 SALCHOW = phrase("figure_source.salchow")
-
-
-@dataclass(frozen=True)
-class Contact:
-    """Two points on skin; `distance` in m where it is known."""
-
-    a: tuple[str, str]  # finger, point of fingertips.POINTS
-    b: tuple[str, str]
-    distance: float | None = None
-
-    @property
-    def part(self) -> str:
-        return f"{self.a[0]}_{self.b[0]}"
 
 
 @dataclass(frozen=True)
@@ -48,20 +35,6 @@ class ContactDistance:
     on_skin: bool
     grade: Grade
     reason: str
-
-
-def parse_contacts(asked: TaskRequest) -> list[Contact]:
-    """What the task's details say; none where they say nothing that can be read."""
-    words = str(asked.details.get("contacts") or "").split()
-    millimetres = [_parse_number(v) for v in str(asked.details.get("distances_mm") or "").split()]
-    found = []
-    for k, word in enumerate(words):
-        ends = [tuple(end.split("_")) for end in word.split("-")]
-        if len(ends) == 2 and all(len(e) == 2 and e[0] in FINGERS and e[1] in POINTS for e in ends):
-            (a, p), (b, q) = ends
-            known = millimetres[k] if k < len(millimetres) else None
-            found.append(Contact((a, p), (b, q), None if known is None else 1e-3 * known))
-    return found
 
 
 def contact_distance(
@@ -111,11 +84,3 @@ def error_statistics(distance: Array, true: float) -> Mapping[str, float]:
         "sd": float(off.std(ddof=1)) if len(off) > 1 else 0.0,
         "rmse": float(np.sqrt((off**2).mean())),
     }
-
-
-def _parse_number(text: str) -> float | None:
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return value if np.isfinite(value) and value >= 0 else None

@@ -10,16 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from handscope.estimators.data.held_contact import Contact, parse_contacts
 from handscope.estimators.data.options import option
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import CHAINS, SEGMENT
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures import cycles
 from handscope.estimators.measures.contacts import (
-    Contact,
     ContactDistance,
     contact_distance,
-    parse_contacts,
 )
 from handscope.estimators.measures.figure import Figure, Kind, kinds
 from handscope.estimators.measures.plot_data import Curve, PlotData
@@ -105,7 +104,7 @@ def measure(
     return (
         [
             _measure_pinch(params, part, contact_distance(c, part, geometry))
-            for c in parse_contacts(asked) or [TIP_TO_TIP]
+            for c in parse_contacts(asked.details) or [TIP_TO_TIP]
         ]
         if len(part) >= 3
         else []

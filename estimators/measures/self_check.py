@@ -10,15 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from handscope.estimators.data.held_contact import Contact, parse_contacts
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures.contacts import (
     SALCHOW,
-    Contact,
     ContactDistance,
     contact_distance,
     error_statistics,
-    parse_contacts,
 )
 from handscope.estimators.measures.figure import Figure, Kind, kinds
 from handscope.estimators.measures.plot_data import Curve, PlotData
@@ -83,7 +82,7 @@ def measure(
             ]
         )
     named = next((pairs for name, pairs in HELD.items() if name in words_of(asked.task)), ())
-    pairs = [c for c in parse_contacts(asked) if c.distance is not None] or list(named)
+    pairs = [c for c in parse_contacts(asked.details) if c.distance is not None] or list(named)
     return [contact_distance(c, part, geometry) for c in pairs]
 
 

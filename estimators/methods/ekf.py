@@ -18,12 +18,17 @@ import numpy as np
 
 from handscope.estimators.alignment import functional_movements
 from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.held_contact import ContactOutcome, HeldContact
 from handscope.estimators.data.mounting_change import MountingChange
 from handscope.estimators.data.options import option
 from handscope.estimators.data.samples import ACC, GYR, Block, Stream
 from handscope.estimators.data.trajectory import Flag, Trajectory, empty, join
 from handscope.estimators.finger_ekf import filter as finger_ekf_filter
-from handscope.estimators.finger_ekf import output_covariance, pose_inference, sample_alignment
+from handscope.estimators.finger_ekf import (
+    output_covariance,
+    pose_inference,
+    sample_alignment,
+)
 from handscope.estimators.finger_ekf.filter import FilterParams
 from handscope.estimators.finger_ekf.mounting_change import SENSORS
 from handscope.estimators.finger_ekf.output_covariance import JOINTS_OF
@@ -34,6 +39,7 @@ from handscope.estimators.hand.anatomy import FINGERS, IS_DOF, JOINTS, SEGMENT, 
 from handscope.estimators.hand.forward_kinematics import CHAIN_SEGMENTS
 from handscope.estimators.hand.pose import Pose
 from handscope.estimators.messages.sentence import phrase
+from handscope.estimators.methods import ekf_contacts
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import rowwise, rowwise_bool
 from handscope.estimators.numerics.typing import Array, Bools
@@ -43,7 +49,9 @@ from handscope.estimators.pipeline.method import Capabilities
 from handscope.estimators.sensors import magnetometer_resampling
 
 TITLE = phrase("method_title.ekf")
-CAPABILITIES = Capabilities(needs_pose=True, gives_covariance=True, notices_mounting_changes=True)
+CAPABILITIES = Capabilities(
+    needs_pose=True, gives_covariance=True, notices_mounting_changes=True, uses_contacts=True
+)
 LOST, _FOREARM, _HAND = np.uint8(Flag.HEADING_LOST), SEGMENT["forearm"], SEGMENT["hand"]
 
 
@@ -62,6 +70,12 @@ class Params(FilterParams, orientation_fusion.FusionParams, functional_movements
         "deg",
         "a joint of larger standard deviation counts as of lost heading",
         "ours, as in m2",
+    )
+    contact_sd: float = option(
+        0.005,
+        "m",
+        "where on their pads two fingertips touch that are held together for calibration, each axis; 0: such contacts are not used",
+        "ours: a third of a pad's width; docs/decisions/0019-contacts.md",
     )
     length_sd: float = option(
         0.03,
@@ -93,6 +107,8 @@ class State:
     uncertainty: OutputUncertainty
     of_lengths: Array  # (5, 6, 6) covariance of the lengths: length_covariance.py
     magnetic: magnetometer_resampling.State | None = None  # None: magnetometers are not asked for
+    contacts: tuple[HeldContact, ...] = ()  # still to be used, in order of time
+    contact_outcomes: tuple[ContactOutcome, ...] = ()
 
 
 def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...]) -> State:
@@ -132,6 +148,7 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
         uncertainty,
         length_covariance.covariance(calibration.geometry, params.length_sd),
         magnetic,
+        calibration.contacts if params.contact_sd > 0 else (),
     )
 
 
@@ -232,6 +249,11 @@ def mounting_changes(state: State) -> tuple[MountingChange, ...]:
     return state.chains.mounting_changes
 
 
+def contact_outcomes(state: State) -> tuple[ContactOutcome, ...]:
+    """What became of the contacts that were held since the calibration."""
+    return state.contact_outcomes
+
+
 def finish(params: Params, state: State) -> tuple[State, Trajectory]:
     """Give out what was held back: nothing more will come."""
     state, pieces = _without_waiting(params, state, -np.inf)
@@ -292,6 +314,49 @@ def _hand(params: Params, state: State, rows: resampling.Rows) -> tuple[State, T
         params.vertical == "fused",
         params.max_gap,
     )
+    pieces, first = [], 0
+    for held in _due_contacts(state, samples.t):
+        row = int(samples.t.searchsorted(ekf_contacts.due(held)))
+        state, piece = _pose_rows(params, state, rows, q_GB, samples, slice(first, row))
+        pieces.append(piece)
+        state, first = _use_contact(params, state, held), row
+    state, piece = _pose_rows(params, state, rows, q_GB, samples, slice(first, len(rows.t)))
+    return replace(state, raw=raw), join([*pieces, piece], state.calibration.hand)
+
+
+def _due_contacts(state: State, t: Array) -> tuple[HeldContact, ...]:
+    """Contacts that are to be used before the last of these rows (n,) s."""
+    return tuple(h for h in state.contacts if ekf_contacts.due(h) <= t[-1])
+
+
+def _use_contact(params: Params, state: State, held: HeldContact) -> State:
+    """The state with what a contact tells of joints, mounting and lengths."""
+    found = ekf_contacts.apply(
+        state.chains, held, state.calibration.geometry, state.of_lengths, params.contact_sd
+    )
+    return replace(
+        state,
+        chains=found.chains,
+        of_lengths=found.of_lengths,
+        calibration=replace(state.calibration, geometry=found.geometry),
+        contacts=tuple(h for h in state.contacts if h is not held),
+        contact_outcomes=(*state.contact_outcomes, found.outcome),
+    )
+
+
+def _pose_rows(
+    params: Params,
+    state: State,
+    every: resampling.Rows,
+    every_q_GB: Array,
+    every_sample: finger_ekf_filter.Samples,
+    part: slice,
+) -> tuple[State, Trajectory]:
+    """Filters and pose of a part of the rows."""
+    rows, q_GB = every.between(part), every_q_GB[part]
+    samples = every_sample.between(part)
+    if not len(rows.t):
+        return state, empty(state.calibration.hand)
     chains, estimate = finger_ekf_filter.step(params, state.chains, samples)
     q_pc = _by_joint(JOINTS_OF, estimate.q_joint, samples.known, np.zeros(len(JOINTS)))
     pose = hand_pose.pose_hand(q_pc, q_GB, state.calibration.geometry, params.constraints)
@@ -311,7 +376,7 @@ def _hand(params: Params, state: State, rows: resampling.Rows) -> tuple[State, T
     last = OutputUncertainty(
         uncertainty.angles_sd[-1], uncertainty.tips_sd[-1], uncertainty.lost[-1]
     )
-    return replace(state, raw=raw, chains=chains, uncertainty=last), trajectory
+    return replace(state, chains=chains, uncertainty=last), trajectory
 
 
 @rowwise("(c,k),(c,k,q),(c,k),(j)->(j,q)")

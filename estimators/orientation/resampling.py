@@ -70,6 +70,10 @@ class Rows:
     # (n, segments) rad^2, variance of the heading that gaps have cost each sensor so far
     rotation_variance: Array
 
+    def between(self, part: slice) -> "Rows":
+        """Some of the rows."""
+        return Rows(self.t[part], self.q_GS[part], self.flags[part], self.rotation_variance[part])
+
 
 def start(streams: Iterable[Stream]) -> State:
     """Begin with the inertial streams of a recording; the fastest makes the rows, with the hand's

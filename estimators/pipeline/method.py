@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol, TypeGuard, TypeVar
 
 from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.held_contact import ContactOutcome
 from handscope.estimators.data.mounting_change import MountingChange
 from handscope.estimators.data.samples import Block, Recording, Stream
 from handscope.estimators.data.trajectory import Trajectory
@@ -25,6 +26,9 @@ class Capabilities:
     batch_only: bool = False  # it solves whole recordings and does not step through blocks
     gives_covariance: bool = False  # angles and tips come with standard deviations
     notices_mounting_changes: bool = False  # it finds sensors that turn on their segments
+    uses_contacts: bool = (
+        False  # contacts of fingertips that are held for calibration tell it something
+    )
 
 
 WORDS: Mapping[str, str] = {  # of each capability, for lists of methods
@@ -71,6 +75,12 @@ class Method(AnyMethod[P], Protocol[P, S]):
     def finish(self, params: P, state: S, /) -> tuple[S, Trajectory]: ...
 
 
+class UsesContacts(Protocol):
+    """A method that measures with contacts of fingertips."""
+
+    def contact_outcomes(self, state: object, /) -> tuple[ContactOutcome, ...]: ...
+
+
 class NoticesMountingChanges(Protocol):
     """A method that finds sensors which turn on their segments."""
 
@@ -98,3 +108,8 @@ def steps_through(method: AnyMethod[P]) -> TypeGuard[Method[P, object]]:
 def notices_mounting_changes(method: AnyMethod[P]) -> TypeGuard[NoticesMountingChanges]:
     """Whether the method finds sensors which turn on their segments."""
     return method.CAPABILITIES.notices_mounting_changes
+
+
+def uses_contacts(method: AnyMethod[P]) -> TypeGuard[UsesContacts]:
+    """Whether contacts of fingertips tell the method something."""
+    return method.CAPABILITIES.uses_contacts

@@ -14,6 +14,7 @@ from handscope.estimators.alignment import (
 from handscope.estimators.data import trajectory
 from handscope.estimators.data.calibration import Calibration, PriorCalibration
 from handscope.estimators.data.findings import Finding, whole_streams
+from handscope.estimators.data.held_contact import ContactOutcome
 from handscope.estimators.data.magnet_streams import find_magnetometers
 from handscope.estimators.data.mounting_change import MountingChange
 from handscope.estimators.data.samples import ORIENTATION, Block, Recording, WholeRecording
@@ -26,6 +27,7 @@ from handscope.estimators.orientation.given_orientations import (
     rate_orientations,
     with_orientations,
 )
+from handscope.estimators.pipeline.contacts import contact_messages, with_contacts
 from handscope.estimators.pipeline.flags import flag_faults, flag_guesses, flag_warnings
 from handscope.estimators.pipeline.losses import mark_losses
 from handscope.estimators.pipeline.method import (
@@ -33,6 +35,7 @@ from handscope.estimators.pipeline.method import (
     notices_mounting_changes,
     solves_whole,
     steps_through,
+    uses_contacts,
 )
 from handscope.estimators.pipeline.mounting_changes import of_change
 from handscope.estimators.pipeline.recording_calibration import (
@@ -85,11 +88,11 @@ def process(
     scales_declared = _limits_known(recording)
     if scales := saturation.find_full_scales(whole_of(recording)):
         recording = saturation.WithFullScales(recording, scales)
-    changes: list[MountingChange] = []
+    ends: list[object] = []  # the method's states
     movement, calibrations, warnings = _estimate(
-        method, params, recording, calibration_recording, progress, known, changes.extend
+        method, params, recording, calibration_recording, progress, known, ends.append
     )
-    noticed = tuple(of_change(c) for c in changes)
+    noticed = tuple(of_change(c) for c in _mounting_changes(method, ends))
     findings = (*findings_of(recording, calibrations), *as_findings(noticed))
     measured = [b for b in whole_of(recording) if ORIENTATION not in b.stream.quantities]
     if method.CAPABILITIES.needs_pose:
@@ -112,6 +115,7 @@ def process(
     messages = [
         *recording.warnings,
         *warnings,
+        *contact_messages(_contact_outcomes(method, ends)),
         *(w for c in calibrations for w in c.warnings),
         *fault_messages,
         *flag_warnings(movement),
@@ -126,6 +130,18 @@ def process(
         tuple(warnings),
         noticed,
     )
+
+
+def _mounting_changes(method: AnyMethod[P], ends: Sequence[object]) -> Iterator[MountingChange]:
+    if notices_mounting_changes(method):
+        for state in ends:
+            yield from method.mounting_changes(state)
+
+
+def _contact_outcomes(method: AnyMethod[P], ends: Sequence[object]) -> Iterator[ContactOutcome]:
+    if uses_contacts(method):
+        for state in ends:
+            yield from method.contact_outcomes(state)
 
 
 def _add_hand_position(
@@ -147,9 +163,9 @@ def _estimate(
     calibration_recording: Recording | None,
     progress: Callable[[float], None],
     known: PriorCalibration | None,
-    on_changes: Callable[[Sequence[MountingChange]], None],
+    on_end: Callable[[object], None],
 ) -> tuple[Trajectory, list[Calibration], list[str]]:
-    """The movement, what it was calibrated with, and what is said of that; `on_changes` is given the sensors that turned since each calibration."""
+    """The movement, what it was calibrated with, and what is said of that; `on_end` is given the method's state at the end of each calibration's time."""
     if solves_whole(method):
         return method.solve(params, recording, progress)
     assert steps_through(method)
@@ -159,12 +175,9 @@ def _estimate(
     if isinstance(params, GivenParams):
         calibrations, fused_elsewhere = rate_orientations(params, calibrations)
         warnings = [*warnings, *fused_elsewhere]
-
-    def notice(state: object) -> None:
-        if notices_mounting_changes(method):
-            on_changes(method.mounting_changes(state))
-
-    pieces = run(method, params, calibrations, recording, notice)
+    if method.CAPABILITIES.uses_contacts:
+        calibrations = with_contacts(calibrations, recording.events)
+    pieces = run(method, params, calibrations, recording, on_end)
     movement = trajectory.join(_with_progress(pieces, _span(recording), progress), recording.hand)
     return movement, calibrations, warnings
 

@@ -3,7 +3,7 @@
 One seed is one person with a hand, sensors and movements of their own; the methods see the recording, never the truth.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 
@@ -88,12 +88,17 @@ def performed(
     return performed_by(trial, person, errors or SensorErrors())
 
 
-def performed_by(trial: Trial, person: PersonErrors, errors: SensorErrors) -> Simulated:
-    """The same of a person who errs so, with sensors that err so."""
+def performed_by(
+    trial: Trial,
+    person: PersonErrors,
+    errors: SensorErrors,
+    changed: Callable[[Experiment], Experiment] | None = None,
+) -> Simulated:
+    """The same of a person who errs so, with sensors that err so; `changed` makes another experiment of the trial's."""
     of_field, of_person = _generators(trial)
     field, experiment = homogeneous(_north(of_field)), experiments.EXPERIMENTS[trial.experiment]
     return record_experiment(
-        experiment,
+        changed(experiment) if changed else experiment,
         of_person,
         errors,
         field,

@@ -12,10 +12,14 @@ import numpy as np
 
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import DEVIATION, FINGERS, JOINT, JOINTS
+from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.methods import METHODS
 from handscope.estimators.pipeline.process import process
-from handscope.estimators.simulation.experiments import EXPERIMENTS
+from handscope.estimators.simulation.experiments import EXPERIMENTS, Experiment, PersonErrors
+from handscope.estimators.simulation.movements import touched_fingertips
+from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.scenario import Simulated
+from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.validation.reproduce import Wanted
 from handscope.validation.reproduce.accuracy import (
     angle_difference,
@@ -27,13 +31,19 @@ from handscope.validation.reproduce.accuracy import (
 from handscope.validation.reproduce.experiments import (
     Trial,
     at_the_truths_instants,
-    performed,
+    performed_by,
     simulated_setting,
 )
 from handscope.validation.reproduce.finding import Finding, Row, Table, spread
 
 POSES = (2.5, 1.5)  # deg, standard deviation of every freedom's error
-CASES = {"m2": ("m2", False), "ekf": ("ekf", False), "ekf, measured": ("ekf", True)}
+CASES = {
+    "m2": ("m2", False, False),
+    "ekf": ("ekf", False, False),
+    "ekf, contacts": ("ekf", False, True),
+    "ekf, measured": ("ekf", True, False),
+    "ekf, measured and contacts": ("ekf", True, True),
+}
 MEASURED = ("index_mcp", "middle_mcp", "ring_mcp", "little_mcp", "wrist")
 MEASURED_SD = 0.7  # deg
 
@@ -47,12 +57,16 @@ def measure(trial: Trial) -> Mapping[str, float]:
     """Errors of the moved fingers by pose and case: tips in cm, angles in deg, NEES of both where the method tells standard deviations."""
     found: dict[str, float] = {}
     for pose in POSES:
-        plain = performed(trial, pose_error=pose, normal_pose_error=True)
-        known = _with_measured_angles(plain, np.random.default_rng([77, trial.seed]))
-        for case, (name, measured) in CASES.items():
+        made = {touched: _performed(trial, pose, touched) for touched in (False, True)}
+        known = {
+            touched: _with_measured_angles(plain, np.random.default_rng([77, trial.seed]))
+            for touched, plain in made.items()
+        }
+        for case, (name, measured, touched) in CASES.items():
             method = METHODS[name]
-            moved = process(method, method.Params(), known if measured else plain).trajectory
-            estimate, truth = at_the_truths_instants(plain, moved)
+            recording = (known if measured else made)[touched]
+            moved = process(method, method.Params(), recording).trajectory
+            estimate, truth = at_the_truths_instants(recording, moved)
             found |= _errors(f"{pose:g} deg, {case}", estimate, truth, trial)
     return found
 
@@ -72,10 +86,27 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, float]]]
     table = Table("Pose missed by, method", columns, tuple(rows), over="trials")
     setting = (
         "Every third experiment of Tables 6 and 7, tapping, circles, free movement and a pinch; the pose misses every freedom by a normal error of that standard "
-        f"deviation. `measured`: fingers' spread and the wrist's deviation in the pose are told to {MEASURED_SD:g} deg. NEES: mean normalised error squared, 1 is honest.",
+        f"deviation. `contacts`: between pose and movement the thumb's tip is held on each fingertip, 4 mm (each axis) beside its middle. `measured`: fingers' spread and the wrist's deviation in the pose are told to {MEASURED_SD:g} deg. NEES: mean normalised error squared, 1 is honest.",
         *simulated_setting(False),
     )
     return Finding("missed-pose", "What an inexact pose costs", setting, (table,))
+
+
+def _performed(trial: Trial, pose: float, touched: bool) -> Simulated:
+    """The trial, by somebody who also holds the thumb's tip on each fingertip after the pose."""
+    person = PersonErrors(pose_deg=pose, distribution="normal")
+    return performed_by(trial, person, SensorErrors(), with_contacts if touched else None)
+
+
+def with_contacts(experiment: Experiment) -> Experiment:
+    """The experiment with the thumb's tip held on each fingertip between the pose and the rest; random numbers of the rest stay as they were."""
+
+    def perform(geometry: HandGeometry, rng: np.random.Generator) -> tuple[Performance, ...]:
+        pose, *rest = experiment.perform(geometry, rng)
+        places = np.random.default_rng([19, int(1e6 * geometry.lengths["index_middle"])])
+        return pose, touched_fingertips.touch_fingertips(geometry, places), *rest
+
+    return replace(experiment, perform=perform)
 
 
 def _with_measured_angles(made: Simulated, rng: np.random.Generator) -> Simulated:

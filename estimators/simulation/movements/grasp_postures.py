@@ -58,8 +58,26 @@ def pinch_posture(
         else geometry.tip_tissue["thumb"] + geometry.tip_tissue[finger]
     )
     return reach_posture(
-        {("thumb", finger): gap}, geometry, ("thumb", finger), _pinch_guess(finger, base)
+        {("thumb", finger): gap}, geometry, ("thumb", finger), touching_posture(finger, base)
     )
+
+
+def touching_posture(finger: str, base: Array | None) -> Array:
+    """A posture (54,) near one in which the thumb's pad touches the finger's."""
+    across = FINGERS.index(finger) - 1
+    bent = {
+        f"{finger}_mcp_flexion": 50.0,
+        f"{finger}_pip_flexion": 45.0,
+        f"{finger}_dip_flexion": 25.0,
+    }
+    thumb = {
+        "thumb_cmc_flexion": 35.0 + 5 * across,
+        "thumb_cmc_deviation": -20.0 + 5 * across,
+        "thumb_cmc_pronation": 75.0,
+        "thumb_mcp_flexion": 15.0 + 5 * across,
+        "thumb_ip_flexion": 20.0,
+    }
+    return make_posture(base, **bent, **thumb)
 
 
 def reach_posture(
@@ -91,26 +109,37 @@ def reach_posture(
     return x
 
 
-def close_holds(x: Array, holds: Sequence[Hold], geometry: HandGeometry, rounds: int = 30) -> Array:
+def close_holds(
+    x: Array,
+    holds: Sequence[Hold],
+    geometry: HandGeometry,
+    rounds: int = 30,
+    places: Array | None = None,
+) -> Array:
     """Postures (n, 54) nearest to x, finger by finger joint, with every hold exact: Newton steps of least change, all n at once.
 
-    The natural ranges are not looked at: begin well inside them.
+    `places` (m,): what every residual is to be in place of zero, as of a touch beside the points. The natural ranges are not looked at: begin well inside them.
     """
+    wanted = 0.0 if places is None else places
+
+    def residuals(x: Array) -> Array:
+        return _hold_residuals(x, holds, geometry) - wanted
+
     columns = np.array([COORDINATES[name] for f in fingers_of(holds) for name, _, _ in freedoms(f)])
     x = x.copy()
     for _ in range(rounds):
-        miss = _hold_residuals(x, holds, geometry)
+        miss = residuals(x)
         if np.abs(miss).max() < 1e-9:
             return x
         J = np.stack(
-            [(_hold_residuals(_nudge(x, c), holds, geometry) - miss) / NUDGE for c in columns],
+            [(residuals(_nudge(x, c)) - miss) / NUDGE for c in columns],
             axis=-1,
         )
         step = (np.linalg.pinv(J, rcond=1e-6) @ miss[..., None])[..., 0]
         x[:, columns] -= step / np.maximum(
             1.0, np.abs(step).max(axis=1, keepdims=True) / LONGEST_STEP
         )
-    miss = np.abs(_hold_residuals(x, holds, geometry)).max()
+    miss = np.abs(residuals(x)).max()
     assert miss < 1e-6, (
         f"the hold cannot be closed from these postures: {miss * 1e3:.2f} mm are left"
     )
@@ -156,20 +185,3 @@ def _nudge(x: Array, column: int) -> Array:
     moved = x.copy()
     moved[:, column] += NUDGE
     return moved
-
-
-def _pinch_guess(finger: str, base: Array | None) -> Array:
-    across = FINGERS.index(finger) - 1
-    bent = {
-        f"{finger}_mcp_flexion": 50.0,
-        f"{finger}_pip_flexion": 45.0,
-        f"{finger}_dip_flexion": 25.0,
-    }
-    thumb = {
-        "thumb_cmc_flexion": 35.0 + 5 * across,
-        "thumb_cmc_deviation": -20.0 + 5 * across,
-        "thumb_cmc_pronation": 75.0,
-        "thumb_mcp_flexion": 15.0 + 5 * across,
-        "thumb_ip_flexion": 20.0,
-    }
-    return make_posture(base, **bent, **thumb)

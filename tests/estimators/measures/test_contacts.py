@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from handscope.estimators.data.held_contact import parse_contacts
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.measures import pinch, self_check
-from handscope.estimators.measures.contacts import error_statistics, parse_contacts
+from handscope.estimators.measures.contacts import error_statistics
 from handscope.estimators.measures.task_request import Mark, TaskRequest
 from handscope.estimators.simulation.movements import static_hold
 from handscope.estimators.simulation.movements.task_performance import initial_pose
@@ -43,16 +44,16 @@ def test_the_task_says_which_points_and_how_far_apart() -> None:
         "contacts": "thumb_bottom-index_bottom index_left-middle_right nose_left-ear_right",
         "distances_mm": "53 25",
     }
-    a, b = parse_contacts(TaskRequest("selfcheck_p4", details))
+    a, b = parse_contacts(details)
     assert (a.a, a.b, a.distance) == (("thumb", "bottom"), ("index", "bottom"), 0.053)
     assert (b.part, b.distance) == ("index_middle", 0.025)
     assert (
-        parse_contacts(
-            TaskRequest("x", {"contacts": "thumb_distal-index_distal", "distances_mm": "many"})
-        )[0].distance
+        parse_contacts({"contacts": "thumb_distal-index_distal", "distances_mm": "many"})[
+            0
+        ].distance
         is None
     )
-    assert parse_contacts(TaskRequest()) == []
+    assert parse_contacts({}) == []
 
 
 def test_errors_are_mean_scatter_and_root_mean_square() -> None:
