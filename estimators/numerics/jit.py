@@ -28,6 +28,8 @@ with hidden("cffi", "yaml"):  # 0.09 s of every start; no kernel calls C, nothin
 
     import_module("numba.core.typing.cffi_utils")
 
+    from handscope.estimators.numerics.linked_functions import LinkedFunction
+
 # what makes each row kernel of the modules that were imported
 _BUILDERS: list[Callable[[], Any]] = []
 
@@ -51,8 +53,7 @@ class RowPredicate(Protocol):
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     """A function of one row that kernels call; it may fill its arguments."""
-    compiled: Callable[..., Any] = njit(error_model="numpy")(function)
-    return compiled
+    return LinkedFunction(function)
 
 
 def rowwise(layout: str) -> Callable[[Callable[..., None]], Compiled]:

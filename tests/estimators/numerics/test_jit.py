@@ -4,6 +4,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from numba import njit
+
 from handscope.estimators.numerics.jit import called_by, inlined
 
 
@@ -28,3 +30,20 @@ def test_a_kernel_is_another_when_a_function_takes_another_field_of_a_record() -
     """The code of a function has names by their places: both read the first one."""
     one, other = inlined(lambda r: r.tau), inlined(lambda r: r.age)
     assert list(called_by(_kernel(one, 1.0))) != list(called_by(_kernel(other, 1.0)))
+
+
+def test_a_function_of_kernels_has_no_machine_code_of_its_own_until_python_calls_it() -> None:
+    """A kernel optimises what it links; machine code of each function would be made for nobody."""
+    sine = inlined(lambda x: math.sin(x))
+    kernel = looped_in_memory(sine)
+    assert kernel(0.5) == 2 * math.sin(0.5)
+    (made,) = sine.overloads.values()  # type: ignore[attr-defined]
+    assert "define" in made.library.get_llvm_str()
+    assert made.library.get_pointer_to_function(made.fndesc.llvm_func_name) == 0
+    assert sine(0.5) == math.sin(0.5)
+
+
+def looped_in_memory(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A kernel that calls a function, not kept on disk."""
+    compiled: Callable[..., Any] = njit(lambda x: 2 * function(x))
+    return compiled
