@@ -12,7 +12,13 @@ import math
 import numpy as np
 
 from handscope.estimators.numerics.jit import inlined, looped
-from handscope.estimators.numerics.small_matrices import cholesky, solve_lower, solve_upper
+from handscope.estimators.numerics.small_matrices import (
+    cholesky,
+    clear,
+    put,
+    solve_lower,
+    solve_upper,
+)
 from handscope.estimators.numerics.typing import Array
 
 UNKNOWNS = 9  # place from the first sensor, from the second, difference of biases in its frame
@@ -28,14 +34,15 @@ COLUMNS = np.array([1, 2, 3, 8, 9, 10, 4, 5, 6])  # of the unknowns among all ve
 def factors(x: Array) -> Array:
     """What each vector (11,) counts in the residual."""
     c = np.ones(ALL)
-    c[1:4], c[4:7], c[8:11] = x[:3], x[6:9], x[3:6]
+    for i in range(UNKNOWNS):
+        c[COLUMNS[i]] = x[i]
     return c
 
 
 @inlined
 def fill_parts(sums: Array, c: Array, parts: Array, total: Array) -> None:
     """Sums (V, 3, 3) of vectors with the joint's acceleration by the second sensor; that of the joint's acceleration (3, 3), the vectors by `c`."""
-    total[:] = 0.0
+    clear(total)
     for p in range(len(parts)):
         for i in range(3):
             for j in range(3):
@@ -51,8 +58,9 @@ def find_rotation(products: Array, R: Array) -> None:
     """Rotation that takes accelerations by the second sensor best to those by the first, of the sum of their products."""
     U, _, Vt = np.linalg.svd(products)
     if np.linalg.det(U) * np.linalg.det(Vt) < 0:
-        U[:, 2] *= -1.0
-    R[:] = U @ Vt
+        for i in range(3):
+            U[i, 2] *= -1.0
+    put(U @ Vt, R)
 
 
 @inlined
@@ -179,7 +187,9 @@ def solve_within(
     for level in levels:
         weight = prior.copy()
         weight[:6] *= level
-        x[:] = np.linalg.solve(normal + np.diag(weight), right + weight * centre)
+        solved = np.linalg.solve(normal + np.diag(weight), right + weight * centre)
+        for i in range(UNKNOWNS):
+            x[i] = solved[i]
         off = x - centre
         near, far = np.sqrt((off[:3] ** 2).sum()), np.sqrt((off[3:6] ** 2).sum())
         if near <= reach[0] and far <= reach[1]:

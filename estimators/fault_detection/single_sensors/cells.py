@@ -60,9 +60,9 @@ class Cells:
     def of(self, columns: NDArray[np.intp]) -> "Cells":
         """Of some sensors only."""
         names = tuple(self.sensors[k] for k in columns)
-        return Cells(
-            names, self.start, self.gyr[:, columns], self.acc[:, columns], self.valid[:, columns]
-        )
+        gyr: Array = np.ascontiguousarray(self.gyr[:, columns])
+        acc: Array = np.ascontiguousarray(self.acc[:, columns])
+        return Cells(names, self.start, gyr, acc, self.valid[:, columns])
 
 
 def begins(n: int) -> NDArray[np.intp]:
@@ -95,7 +95,8 @@ def cells_of(blocks: Sequence[Block]) -> Cells:
         np.concatenate([v for v, _ in parts], axis=1),
         np.concatenate([k for _, k in parts], axis=1),
     )
-    return Cells(sensors, float(start), values[..., :3], values[..., 3:], valid)
+    gyr, acc = (np.ascontiguousarray(v) for v in (values[..., :3], values[..., 3:]))
+    return Cells(sensors, float(start), gyr, acc, valid)
 
 
 def means_of(

@@ -22,6 +22,7 @@ from handscope.estimators.fault_detection.single_sensors.cells import (
     begins,
 )
 from handscope.estimators.numerics.jit import inlined, looped
+from handscope.estimators.numerics.small_matrices import clear, put
 from handscope.estimators.numerics.typing import Array
 
 MATRIX, GYR_BIAS, ACC_BIAS, ARM, DELAY = slice(0, 9), slice(9, 12), slice(12, 15), slice(15, 18), 18
@@ -122,8 +123,10 @@ def _average_force(
     q, half, a, u = np.empty((4, S)), np.empty((3, S)), np.empty((3, S)), np.empty((3, S))
     total = np.empty((K, 3, S))
     for g in range(G):
-        q[:], total[:] = 0.0, 0.0
-        q[0] = 1.0
+        for s in range(S):
+            q[0, s], q[1, s], q[2, s], q[3, s] = 1.0, 0.0, 0.0, 0.0
+        for k in range(K):
+            clear(total[k])
         for b in range((K - 1) * hop + length):
             row = first[g] + b
             for s in range(S):
@@ -203,9 +206,9 @@ def _average(
     turned, here, u = np.empty((3, 13)), np.empty((3, 13)), np.empty(3)
     for g in range(G):
         for s in range(S):
-            R[:] = 0.0
+            clear(R)
             R[0, 0] = R[1, 1] = R[2, 2] = 1.0
-            turned[:] = 0.0
+            clear(turned)
             for b in range((K - 1) * hop + length):
                 y, a = gyr[first[g] + b, columns[s]], acc[first[g] + b, columns[s]]
                 x0 = 0.5 * dt * (M[s, 0, 0] * y[0] + M[s, 0, 1] * y[1] + M[s, 0, 2] * y[2])
@@ -230,7 +233,7 @@ def _average(
                         after[i, j] = (
                             mid[i, 0] * E[0, j] + mid[i, 1] * E[1, j] + mid[i, 2] * E[2, j]
                         )
-                R[:] = after
+                put(after, R)
                 for i in range(3):
                     here[i, 12] = mid[i, 0] * y[0] + mid[i, 1] * y[1] + mid[i, 2] * y[2]
                     for j in range(3):
