@@ -335,17 +335,14 @@ def _flexion_axis(name: str, worn: Mapping[str, _WornSensor]) -> Array | None:
     if spread[-1] < PLANAR * spread.sum():
         return None
     axis = axes[:, -1]
-    turned = np.cumsum(np.where(hand_moves < BENDS, rate @ axis, 0.0)) * period
-    # from straight a finger can only flex far
-    forth, back = (
-        float(turned.max()),
-        float(-turned.min()),
-    )
-    return (
-        None
-        if max(forth, back) < 2 * min(forth, back)
-        else np.asarray(axis if forth > back else -axis)
-    )
+    along, rests = rate @ axis, hand_moves < BENDS
+    turned = np.cumsum(np.where(rests, along, 0.0)) * period
+    unseen = float(np.abs(np.where(rests, 0.0, along)).sum()) * period
+    # from straight a finger can only flex far; what it turned while the hand moved may have been either way
+    forth, back = float(turned.max()), float(-turned.min())
+    if max(forth, back) < 2 * (min(forth, back) + unseen):
+        return None
+    return np.asarray(axis if forth > back else -axis)
 
 
 @cache  # made when first asked for: importing loads no kernel
