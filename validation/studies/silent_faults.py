@@ -335,7 +335,8 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, dict[str, Case]]]) ->
         "Faults that cost much and go without a word",
         (
             f"{len(results)} recordings of {len({t.movement for t, _ in results})} movements by validation/independent/simulator, an initial pose missed by 3 deg a freedom,"
-            f" either hand; {len(FAULTS)} faults in each. Costly: the finger's error by m2 or by ekf is more than {COSTLY} times that without the fault.",
+            f" either hand; {len(FAULTS)} faults in each. Costly: the finger's error by m2 or by ekf is more than {COSTLY} times that without the fault."
+            " A word: any code, of a check or a warning, that is not there without the fault; whether it names the right sensor or cause is not asked.",
         ),
         (
             Table(
