@@ -48,6 +48,7 @@ from handscope.estimators.alignment import quality as alignment_quality
 from handscope.estimators.alignment.initial_pose import THERAPIST, Pose, pose_of
 from handscope.estimators.alignment.quality import JointQuality
 from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.held_contact import held_contacts
 from handscope.estimators.data.samples import Block, Event
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
@@ -263,7 +264,7 @@ class Station:
             else [],
             task_number=self._task_number(),
             sensor_faults=self.sensor_faults,
-            findings=(*self.tracking.turned(), *self.checks.found),
+            findings=(*self.tracking.noticed(), *self.checks.found),
             trackers=self.glove.trackers,
             ended=self.ended,
         )
@@ -564,7 +565,8 @@ class Station:
     def _store_attempt(self, effect: wizard_effects.KeepAttempt) -> None:
         number, trial = self._next_number(), self._wizard.accepted(effect.task)
         protocol = next((p for p in self.setup.protocols if p.name == effect.task), None)
-        for name, event in trial_events.events(
-            effect, protocol, trial, self.tracking.newest_sample(), self.setup.trunk_details
-        ):
+        newest, trunk = self.tracking.newest_sample(), self.setup.trunk_details
+        stored = dict(trial_events.events(effect, protocol, trial, newest, trunk))
+        for name, event in stored.items():
             self.glove.keep_event(name.format(number), event)
+        self.tracking.use_contacts(held_contacts(stored.values()))

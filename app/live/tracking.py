@@ -30,6 +30,7 @@ from handscope.estimators.alignment.initial_pose import Pose
 from handscope.estimators.data import trajectory
 from handscope.estimators.data.calibration import Calibration, CalibrationSource, PriorCalibration
 from handscope.estimators.data.findings import Finding
+from handscope.estimators.data.held_contact import HeldContact
 from handscope.estimators.data.samples import ORIENTATION, Block, join, join_consecutive
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.fault_detection.finding import Suspicion
@@ -42,7 +43,12 @@ from handscope.estimators.orientation.given_orientations import (
     rate_orientations,
     require_rates,
 )
-from handscope.estimators.pipeline.method import Method, notices_mounting_changes
+from handscope.estimators.pipeline.contacts import contact_messages
+from handscope.estimators.pipeline.method import (
+    Method,
+    notices_mounting_changes,
+    uses_contacts,
+)
 from handscope.estimators.pipeline.mounting_changes import of_change
 from handscope.estimators.pipeline.recording_calibration import with_known
 from handscope.estimators.sensors import fault_detection
@@ -291,6 +297,33 @@ class Tracking:
         if state is None or not notices_mounting_changes(method):
             return ()
         return tuple(of_change(c) for c in method.mounting_changes(state))
+
+    def use_contacts(self, held: Sequence[HeldContact]) -> bool:
+        """Begin again at the calibration with contacts that were held since; False where its samples are no longer kept, or the method makes nothing of them."""
+        with self._lock:
+            calibration = self.calibration
+            if not held or calibration is None or not uses_contacts(self.method):
+                return False
+            oldest = max(b[0].t[0] for b in self._samples.values() if b)
+            if not calibration.source.is_pose or oldest > calibration.t:
+                return False
+            every = sorted((*calibration.contacts, *held), key=lambda h: h.onset)
+            self._begin(replace(calibration, contacts=tuple(every)))
+            return True
+
+    def noticed(self) -> tuple[Suspicion, ...]:
+        """What the method itself says of sensors and contacts since the newest calibration."""
+        return (*self.turned(), *self.contacts())
+
+    def contacts(self) -> tuple[Suspicion, ...]:
+        """What became of the contacts that were held since the newest calibration."""
+        method, state = self.method, self._state
+        if state is None or not uses_contacts(method):
+            return ()
+        return tuple(
+            Suspicion(message, (), (), 1.0)
+            for message in contact_messages(method.contact_outcomes(state))
+        )
 
     def motion(self) -> dict[str, Motion]:
         """Movement of each sensor in the last second, by segment."""

@@ -10,6 +10,10 @@ from handscope.app.protocols import Protocol
 from handscope.estimators.data.samples import Event
 from handscope.estimators.measures.task_request import PAUSE
 
+CLOSING, LEAVING = (
+    2.0,
+    0.3,
+)  # s after a word until fingertips touch, and before the next when they part
 NO_TRUNK_DETAILS: Mapping[str, float] = {}
 
 
@@ -48,6 +52,10 @@ def events(
     ):
         marked = {"task_name": effect.task, "phase": phase.mark, "repetition": repetition}
         yield f"phase-{{}}-{k}", Event(start, phase.seconds, "annotation", marked)
+        if phase.contacts:
+            held = {"task_name": effect.task, "contacts": phase.contacts}
+            length = max(phase.seconds - CLOSING - LEAVING, 0.0)
+            yield f"contact-{{}}-{k}", Event(start + CLOSING, length, "contact", held)
 
 
 def _details(

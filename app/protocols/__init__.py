@@ -17,6 +17,7 @@ from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from handscope.app.protocols.lines import line_of
+from handscope.estimators.data.held_contact import POINTS
 from handscope.estimators.data.samples import TRACKED_POINTS
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import CHAINS, DOF_NAMES, FINGERS
@@ -32,6 +33,8 @@ TURN = "forearm_pronation"  # no joint of the glove's: it turns the ghost's whol
 SLACK = 0.15  # s by which the end of an attempt may be late or early: the station looks ten times a second
 EXACT = 1e-6  # s
 OWN = "protocols"  # in the data folder
+_POINT = f"({'|'.join(FINGERS)})_({'|'.join(POINTS)})"
+_CONTACTS = f"^{_POINT}-{_POINT}( {_POINT}-{_POINT})*$"
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 
@@ -45,6 +48,9 @@ class Phase:
     seconds: Seconds
     mark: Word | None = (
         None  # such stretches of an accepted attempt are marked in the recording under this name
+    )
+    contacts: Annotated[str, Field(pattern=_CONTACTS)] | None = (
+        None  # fingertips that are held together meanwhile, for calibration; of marked phases
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.events import Event
 from handscope.estimators.data.held_contact import Contact, ContactOutcome, held_contacts
-from handscope.estimators.messages.sentence import phrase
+from handscope.estimators.messages import Message
 
 
 def with_contacts(
@@ -22,11 +22,11 @@ def with_contacts(
     ]
 
 
-def contact_messages(outcomes: Iterable[ContactOutcome]) -> list[str]:
-    """Which contacts were used, and a sentence for each that was refused."""
+def contact_messages(outcomes: Iterable[ContactOutcome]) -> list[Message]:
+    """Which contacts were used, and one for each that was refused."""
     every = list(outcomes)
-    used = [pair_of(o.held.contact) for o in every if o.used]
-    messages = [phrase("contacts.used", contacts=", ".join(used))] if used else []
+    used = ", ".join(pair_of(o.held.contact) for o in every if o.used)
+    messages = [Message("contacts.used", {"contacts": used}, "info")] if used else []
     return [*messages, *(_refusal(o) for o in every if not o.used)]
 
 
@@ -35,8 +35,13 @@ def pair_of(contact: Contact) -> str:
     return f"{contact.a[0]}-{contact.b[0]}"
 
 
-def _refusal(outcome: ContactOutcome) -> str:
+def _refusal(outcome: ContactOutcome) -> Message:
     pair, onset = pair_of(outcome.held.contact), outcome.held.onset
     if np.isnan(outcome.missed):
-        return phrase("contacts.not_measured", contact=pair, start=onset)
-    return phrase("contacts.refused", contact=pair, start=onset, missed_mm=1e3 * outcome.missed)
+        return Message("contacts.not_measured", {"contact": pair, "start": onset})
+    values: dict[str, float | str] = {
+        "contact": pair,
+        "start": onset,
+        "missed_mm": 1e3 * outcome.missed,
+    }
+    return Message("contacts.refused", values)

@@ -20,7 +20,7 @@ from handscope.estimators.data.mounting_change import MountingChange
 from handscope.estimators.data.samples import ORIENTATION, Block, Recording, WholeRecording
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.fault_detection.finding import Suspicion
-from handscope.estimators.fault_detection.words import as_findings
+from handscope.estimators.fault_detection.words import as_findings, sentence
 from handscope.estimators.force import fingertip_forces
 from handscope.estimators.orientation.given_orientations import (
     GivenParams,
@@ -115,7 +115,7 @@ def process(
     messages = [
         *recording.warnings,
         *warnings,
-        *contact_messages(_contact_outcomes(method, ends)),
+        *map(sentence, contact_messages(_contact_outcomes(method, ends))),
         *(w for c in calibrations for w in c.warnings),
         *fault_messages,
         *flag_warnings(movement),

@@ -11,7 +11,9 @@ export function mount(root, api, { station }) {
       root.hidden = !findings.length;
       root.replaceChildren(
         ...(findings.length ? [h("h2", {}, t("findings.title"))] : []),
-        ...findings.map(({ sentence }) => h("p", { class: "warning" }, inWords(sentence))),
+        ...findings.map(({ sentence, severity }) =>
+          h("p", severity === "info" ? {} : { class: "warning" }, inWords(sentence)),
+        ),
       );
     },
   );

@@ -38,6 +38,7 @@ from handscope.estimators.simulation.movements import (
     object_dynamics,
     static_hold,
     task_performance,
+    touched_fingertips,
 )
 from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.sensors import SensorErrors
@@ -66,8 +67,15 @@ HELD: Mapping[
         for task, perform in object_dynamics.TASKS.items()
     },
 }
+TOUCHES, EVERY, REACHING = (
+    "touch_fingertips",
+    4.5,
+    0.6,
+)  # s a finger, as its protocol beats; s there and back
 FREE, BEYOND = "free_movement", 5.0  # s that a person goes on beyond what is asked for
-UNDERSTOOD = frozenset({*task_performance.TASKS, *functional_calibration.STEPS, *HELD, FREE})
+UNDERSTOOD = frozenset(
+    {*task_performance.TASKS, *functional_calibration.STEPS, *HELD, FREE, TOUCHES}
+)
 
 
 class Wearer(Protocol):
@@ -368,6 +376,11 @@ def _performance(
         return task_performance.initial_pose(geometry, HOLD), BRIDGE
     if task in HELD:
         return HELD[task](geometry, rng, 0.0), max(BRIDGE, float(details.get("lead", 0.0)) - FRAME)
+    if task == TOUCHES:
+        touching = touched_fingertips.touch_fingertips(
+            geometry, rng, held=EVERY - 2 * REACHING, between=REACHING
+        )
+        return touching, max(BRIDGE, float(details.get("lead", 0.0)))
     if task == FREE:
         begins = max(BRIDGE, float(details.get("lead", 0.0)) - FRAME)
         return guided_movements.free(

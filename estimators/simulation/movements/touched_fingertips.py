@@ -28,6 +28,8 @@ def touch_fingertips(
     place_sd: float = PLACE_SD,
     fingers: tuple[str, ...] = FINGERS[1:],
     missed: float = 0.0,
+    held: float = HELD,
+    between: float = BETWEEN,
 ) -> Performance:
     """The thumb's pad on that of each finger; with `missed` (m) it stays so far from it all the same."""
     points, events, t = [(0.0, relaxed())], [], 0.0
@@ -39,13 +41,13 @@ def touch_fingertips(
             geometry,
             places=None if missed else place_sd * rng.normal(size=3),
         )[0]
-        begin = t + BETWEEN
+        begin = t + between
         points += [
             (begin, posture),
-            (begin + HELD, posture),
-            (begin + HELD + BETWEEN, relaxed()),
+            (begin + held, posture),
+            (begin + held + between, relaxed()),
         ]
         details = {"contacts": f"thumb_bottom-{finger}_bottom"}
-        events.append(Event(begin + SETTLED, HELD - 2 * SETTLED, "contact", details))
-        t = begin + HELD + BETWEEN
+        events.append(Event(begin + SETTLED, held - 2 * SETTLED, "contact", details))
+        t = begin + held + between
     return Performance(move_through(points), tuple(events))

@@ -12,6 +12,7 @@ from handscope.app.devices.virtual_glove.wearer import BRIDGE, UNDERSTOOD, Simul
 from handscope.app.language import Language, languages
 from handscope.app.live.ghost import angles_of
 from handscope.app.live.snapshot import LEAST
+from handscope.app.live.trial_events import CLOSING, LEAVING
 from handscope.app.protocols import (
     TURN,
     Protocol,
@@ -25,6 +26,7 @@ from handscope.app.protocols import (
 )
 from handscope.app.server import create_app
 from handscope.app.settings import Settings
+from handscope.estimators.data.held_contact import parse_contacts
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import DOF_NAMES, FINGERS, HANDS, IS_DOF, JOINT, LIMITS
 from handscope.estimators.hand.geometry import sized
@@ -70,7 +72,7 @@ IN_TIME = [p for p in ALL.values() if p.cue in task_performance.IN_STEP]
 
 
 def test_every_file_of_the_folder_is_a_task_with_a_name_of_its_own() -> None:
-    assert len(ALL) == len(list(Path(protocols.__file__).parent.glob("*.json"))) == 60
+    assert len(ALL) == len(list(Path(protocols.__file__).parent.glob("*.json"))) == 61
     assert read()[1] == []
     assert len({p.order for p in ALL.values()}) == len({p.title for p in ALL.values()}) == len(ALL)
     for p in ALL.values():
@@ -221,7 +223,7 @@ def test_a_task_names_the_fingers_that_its_ghost_moves_as_needed() -> None:
         ({**PACED, "cycle": [{"say": "Bend"}]}, r"cycle\[0\]\.seconds is missing$"),
         (
             {**PACED, "cycle": [{"say": "Bend", "second": 1}]},
-            r"cycle\[0\]\.second is no field; fields are say, seconds, mark \(and 1 more\)$",
+            r"cycle\[0\]\.second is no field; fields are say, seconds, mark, contacts \(and 1 more\)$",
         ),
         (
             {**PACED, "cycle": [{"say": "Bend", "seconds": 0}]},
@@ -355,6 +357,24 @@ def test_a_held_contact_is_the_distance_that_the_protocol_keeps_for_the_measures
             (a, b) = (tuple(end.split("_")) for end in contact.split("-"))
             apart = np.linalg.norm(contact_offset(x, Hold(a, b, 0.0), geometry), axis=1)
             np.testing.assert_allclose(1e3 * apart, float(distance), atol=0.1)
+
+
+def test_the_virtual_patient_holds_each_fingertip_while_its_contact_lasts() -> None:
+    """The pads meet to the millimetres that a person misses their middles by."""
+    geometry, p = sized("left"), ALL["touch_fingertips"]
+    person = SimulatedPerson(
+        "left", geometry, layout(FINGERS, 100.0), np.random.default_rng(2), IDEAL
+    )
+    assert person.cue(p.cue, {"lead": f"{p.countdown:g}"}, 2.0)
+    begin = 2.0 + p.countdown
+    for start, phase, _ in p.marks(begin, begin + 18.0):
+        assert phase.contacts
+        t = start + np.arange(CLOSING, phase.seconds - LEAVING - 0.3, 0.1)
+        (contact,) = parse_contacts({"contacts": phase.contacts})
+        hold = Hold(contact.a, contact.b, 0.0)
+        apart = np.linalg.norm(contact_offset(person.doing(t), hold, geometry), axis=1)
+        assert apart.max() < 0.02
+        assert np.ptp(apart) < 1e-4
 
 
 @pytest.mark.parametrize("one", languages().values(), ids=lambda one: one.code)

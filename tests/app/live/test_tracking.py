@@ -15,6 +15,7 @@ from handscope.app.live.tracking import LONGEST_REST, QUEUE, Tracking, rest_afte
 from handscope.estimators.alignment import initial_pose
 from handscope.estimators.alignment.functional_movements import STEPS
 from handscope.estimators.data import trajectory
+from handscope.estimators.data.held_contact import held_contacts
 from handscope.estimators.data.samples import Block, Event, join_consecutive
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.errors import InputError
@@ -24,7 +25,12 @@ from handscope.estimators.orientation import zupt_navigation
 from handscope.estimators.pipeline import process as pipeline_process
 from handscope.estimators.pipeline.method import Method
 from handscope.estimators.simulation import experiments
-from handscope.estimators.simulation.movements import functional_calibration, task_performance
+from handscope.estimators.simulation.experiments import Experiment, PersonErrors
+from handscope.estimators.simulation.movements import (
+    functional_calibration,
+    task_performance,
+    touched_fingertips,
+)
 from handscope.estimators.simulation.person import draw_person
 from handscope.estimators.simulation.scenario import simulate_performances
 from handscope.estimators.simulation.sensors import SensorErrors
@@ -475,3 +481,39 @@ def test_a_sensor_that_turns_while_the_hand_moves_is_told_live_until_the_next_po
         assert (found.message.code, found.sensors) == ("sensor.turned", ("thumb_distal",))
         tracking.guess()
         assert tracking.turned() == ()
+
+
+def test_contacts_are_used_live_once_they_are_known_as_in_batch() -> None:
+    recording = experiments.record_experiment(
+        Experiment(
+            "touched",
+            ("thumb",),
+            lambda geometry, rng: (
+                task_performance.initial_pose(geometry),
+                touched_fingertips.touch_fingertips(geometry, rng),
+            ),
+        ),
+        np.random.default_rng([1, 3]),
+        SensorErrors(),
+        None,
+        "left",
+        person=PersonErrors(pose_deg=2.5),
+    )
+    held = held_contacts(recording.events)
+    tracking = Tracking(ekf, ekf.Params(), "left", recording.geometry, lambda rows: None)
+    pose = initial_pose.pose_of(recording.events[0])
+    assert not tracking.use_contacts(held)
+    with tracking:
+        for blocks in pieces(dict(recording.samples), length=0.2):
+            tracking._process(blocks)  # as if each had been waited for
+            if tracking.calibration is None and float(blocks[0].t[-1]) > pose.end + 0.5:
+                tracking.calibrate(pose)
+        assert tracking.contacts() == ()
+        assert tracking.use_contacts(held)
+        tracking.drain()
+        shown = tracking.past(0.0)
+        (used,) = tracking.contacts()
+    assert (used.message.code, used.message.severity) == ("contacts.used", "info")
+    batch = pipeline_process.process(ekf, ekf.Params(), recording).trajectory
+    rows = (batch.t >= shown.t[0]) & (batch.t <= shown.t[-1])
+    np.testing.assert_array_equal(shown.tips, batch.tips[rows])

@@ -15,6 +15,7 @@ from handscope.app.live.wizard.effects import Calibrate, KeepAttempt
 from handscope.app.live.wizard.machine import Action, State
 from handscope.estimators.alignment import initial_pose
 from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.held_contact import held_contacts
 from handscope.estimators.data.samples import Event
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import SEGMENTS
@@ -238,3 +239,18 @@ def test_leaving_the_server_waits_for_a_session_that_is_being_finished() -> None
     leaving.join(5.0)
     finishing.join(5.0)
     assert not leaving.is_alive() and kept == ["slow"]
+
+
+def test_fingertips_that_were_held_together_are_contacts_of_the_recording(
+    station: Station,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """From some seconds after the word on, until just before the next; a trial that is redone tells none."""
+    events = kept(station, monkeypatch)
+    reviewed(station, "touch_fingertips", Action.REDO, onset=10.0, end=28.0)
+    assert not [e for e in events if e.trial_type == "contact"]
+    reviewed(station, "touch_fingertips", Action.ACCEPT, onset=30.0, end=48.0)
+    held = held_contacts(events)
+    assert [h.contact.b[0] for h in held] == ["index", "middle", "ring", "little"]
+    assert [round(h.onset, 6) for h in held] == [32.0, 36.5, 41.0, 45.5]
+    assert [round(h.end, 6) for h in held] == [34.2, 38.7, 43.2, 47.7]

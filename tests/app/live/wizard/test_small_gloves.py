@@ -41,7 +41,7 @@ TASKS["thumb and index"] = TASKS["one finger"] | {
     *("tapping", "tapping_10", "tapping_30", "powerglove_11_tapping", "pinches", "kapandji"),
     *("rom_thumb", "rom_thumb_ip", "rom_thumb_mcp", "rom_thumb_palmar", "rom_thumb_radial"),
     *("prom_thumb_ip", "prom_thumb_mcp", "prom_thumb_palmar", "prom_thumb_radial"),
-    *("finger_independence", "reach", "selfcheck_p1", "selfcheck_p3"),
+    *("finger_independence", "reach", "selfcheck_p1", "selfcheck_p3", "touch_fingertips"),
 }
 FLEXIONS = {"flat_hand", "flexion_mcp", "flexion_all", "figure_eight"}
 CALIBRATION = {
