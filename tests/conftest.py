@@ -41,7 +41,7 @@ settings.register_profile(
 )
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "handscope"))
 CONTEXT.set_forkserver_preload(
-    ["handscope.app.preload", "handscope.app.commands.serve", "handscope.app.commands.glove"]
+    ["handscope.app.preload", "handscope.app.serving", "handscope.app.commands.glove"]
 )  # tests fork these, too
 
 

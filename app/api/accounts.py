@@ -21,6 +21,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.clinic import accounts, audit, second_factors
 from handscope.sessions.clinic.accounts import LOCAL
+from handscope.sessions.db.roles import ROLES
 from handscope.sessions.db.tables import HOUSE, Account, AuditLine
 from handscope.sessions.login import logins
 from handscope.sessions.wards import account_changes, wards
@@ -37,7 +38,7 @@ class NewAccount(Incoming):
     """A new account: its name and its roles."""
 
     name: str = Field(max_length=64)
-    roles: list[str] = Field(max_length=len(accounts.ROLES), description=", ".join(accounts.ROLES))
+    roles: list[str] = Field(max_length=len(ROLES), description=", ".join(ROLES))
     wards: list[int] | None = Field(None, max_length=MOST_WARDS, description=WARDS)
 
 
@@ -47,7 +48,7 @@ class AccountChange(Incoming):
     version: int = Field(
         description="the version that was seen; somebody else's change meanwhile is refused"
     )
-    roles: list[str] | None = Field(None, max_length=len(accounts.ROLES))
+    roles: list[str] | None = Field(None, max_length=len(ROLES))
     disabled: bool | None = None
     wards: list[int] | None = Field(None, max_length=MOST_WARDS, description=WARDS)
     heads: list[int] | None = Field(

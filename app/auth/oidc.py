@@ -12,8 +12,10 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 from urllib.parse import quote_plus, urlencode
 
+from handscope.app.auth.sign_on_scope import SCOPE
 from handscope.estimators.errors import InputError
-from handscope.sessions.clinic.accounts import LONGEST_SUBJECT, ROLES
+from handscope.sessions.clinic.accounts import LONGEST_SUBJECT
+from handscope.sessions.db.roles import ROLES
 
 ALGORITHMS = [
     "RS256",
@@ -22,7 +24,6 @@ ALGORITHMS = [
 ]  # signed with the provider's private key; never none, never a shared secret
 PATIENCE = 10.0  # s for the provider to answer
 LEEWAY = 60  # s that the provider's clock may differ from ours
-SCOPE = "openid profile"
 NAME = "preferred_username"  # the claim that an account is called by
 LONGEST = 300  # characters of a reason
 Kind = Literal[

@@ -13,7 +13,7 @@ from starlette.requests import HTTPConnection
 from starlette.routing import BaseRoute, Match
 from starlette.types import Scope
 
-from handscope.sessions.clinic.accounts import ADMINISTRATOR, CLINICIAN, ROLES, SCIENTIST
+from handscope.sessions.db.roles import ADMINISTRATOR, CLINICIAN, ROLES, SCIENTIST
 from handscope.sessions.db.visible_rows import Visibility
 
 __all__ = [

@@ -11,7 +11,8 @@ from handscope.app.commands.audit import open_audited
 from handscope.app.commands.words import add_actions, say
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import accounts, audit, second_factors
-from handscope.sessions.clinic.accounts import LOCAL, ROLES
+from handscope.sessions.clinic.accounts import LOCAL
+from handscope.sessions.db.roles import ROLES
 from handscope.sessions.login import logins
 from handscope.sessions.wards import wards
 

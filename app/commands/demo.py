@@ -11,12 +11,7 @@ from functools import partial
 
 from handscope.app.commands import serve
 from handscope.app.commands.words import say
-from handscope.app.example_patients import patients as example_patients
 from handscope.estimators.errors import InputError
-from handscope.sessions.clinic import patients
-from handscope.sessions.db.tables import Patient
-from handscope.sessions.store.folder_lock import hold_folder
-from handscope.sessions.store.store import open_store
 
 GLOVES = ("left", "right")
 EXAMPLES = "handscope.app.example_patients.sessions"  # a program that imports numerics
@@ -42,6 +37,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
+    from handscope.sessions.store.folder_lock import hold_folder
+
     with hold_folder(arguments.data, arguments.database, arguments.shared):
         _add_patients(arguments)
         _serve(arguments)
@@ -50,6 +47,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _add_patients(arguments: argparse.Namespace) -> None:
+    from handscope.app.example_patients import patients as example_patients
+    from handscope.sessions.clinic import patients
+    from handscope.sessions.db.tables import Patient
+    from handscope.sessions.store.store import open_store
+
     store, is_new = open_store(arguments.data, arguments.database), False
     with store.database() as db:
         if db.query(Patient).count() == 0:
@@ -69,6 +71,8 @@ def _add_patients(arguments: argparse.Namespace) -> None:
 
 
 def _serve(arguments: argparse.Namespace) -> None:
+    from handscope.app import serving
+
     signal.signal(
         signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM)
     )  # as Ctrl-C does: what is below is undone
@@ -76,7 +80,7 @@ def _serve(arguments: argparse.Namespace) -> None:
         put_up = _terminals if hasattr(os, "openpty") else _addresses
         ports = zip(put_up(arguments, gloves), (f"virtual {hand} glove" for hand in GLOVES))
         examples = partial(_make_examples, arguments, gloves)
-        serve.serve(
+        serving.serve(
             arguments,
             dict(ports),
             browser=not arguments.no_browser,
@@ -87,6 +91,8 @@ def _serve(arguments: argparse.Namespace) -> None:
 
 def _make_examples(arguments: argparse.Namespace, processes: ExitStack) -> None:
     """The simulated patients' sessions, where some are to be made, in a process of low priority beside the server: one by one they appear on the pages."""
+    from handscope.app.example_patients import patients as example_patients
+
     if not example_patients.are_unfinished(arguments.data):
         return
     program = [sys.executable, "-P", "-m", EXAMPLES, str(arguments.data)]

@@ -4,10 +4,8 @@ import argparse
 import webbrowser
 
 from handscope.app.commands import serve
-from handscope.app.commands.login import one_time_address, running_server
 from handscope.app.commands.words import say
 from handscope.estimators.errors import InputError
-from handscope.sessions.store.folder_lock import hold_folder
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -17,9 +15,13 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
+    from handscope.app import serving
+    from handscope.app.commands.login import one_time_address, running_server
+    from handscope.sessions.store.folder_lock import hold_folder
+
     try:
         with hold_folder(arguments.data, arguments.database, arguments.shared):
-            serve.serve(arguments, {}, browser=True, printed=False)
+            serving.serve(arguments, {}, browser=True, printed=False)
     except InputError:
         address = running_server(arguments.data)
         if not address:

@@ -22,9 +22,9 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from handscope.estimators.errors import InputError
+from handscope.sessions.db.roles import ADMINISTRATOR, CLINICIAN, ROLES
 from handscope.sessions.db.tables import HOUSE, Account, Ward, WardMember
 
-CLINICIAN, SCIENTIST, ADMINISTRATOR = ROLES = ("clinician", "scientist", "administrator")
 LOCAL = "local"
 NAME = re.compile(r"[\w.@+-]{1,64}")
 SHORTEST, LONGEST = 12, 256  # characters of a password

@@ -454,7 +454,7 @@ class Account(Base):
 
     id: Mapped[int] = mapped_column(primary_key=True)
     name: Mapped[str] = mapped_column(String(64), unique=True)
-    roles: Mapped[list[Any]] = mapped_column(default=list)  # of accounts.ROLES
+    roles: Mapped[list[Any]] = mapped_column(default=list)  # of db/roles.py
     password: Mapped[str | None] = mapped_column(
         String(200)
     )  # argon2id hash with its parameters; None: one-time codes or single sign-on

@@ -18,7 +18,7 @@ from handscope.app.auth.gate import COOKIE, Gate, new_token
 from handscope.app.auth.roles import ANYBODY, RoleRequirement, RouteTable, requires_role
 from handscope.app.settings import Settings
 from handscope.sessions.clinic import accounts
-from handscope.sessions.clinic.accounts import ADMINISTRATOR, ROLES
+from handscope.sessions.db.roles import ADMINISTRATOR, ROLES
 from handscope.sessions.login import logins
 from handscope.sessions.store.store import open_store
 

@@ -10,7 +10,7 @@ from uvicorn.middleware.proxy_headers import ProxyHeadersMiddleware
 from handscope.app.auth.gate import COOKIE, new_token
 from handscope.app.settings import Settings
 from handscope.sessions.clinic import accounts, audit
-from handscope.sessions.clinic.accounts import ADMINISTRATOR, CLINICIAN
+from handscope.sessions.db.roles import ADMINISTRATOR, CLINICIAN
 from handscope.sessions.db.tables import Attempt, AuditLine
 
 GOOD = "seven hands on a table"

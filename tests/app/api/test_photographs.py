@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from starlette.testclient import TestClient
 
-from handscope.sessions.clinic.accounts import SCIENTIST
+from handscope.sessions.db.roles import SCIENTIST
 
 pytest.importorskip("cv2")
 

@@ -9,7 +9,7 @@ from starlette.testclient import TestClient
 
 from handscope.app.auth.roles import RouteTable
 from handscope.estimators.data.samples import Event
-from handscope.sessions.clinic.accounts import CLINICIAN, SCIENTIST
+from handscope.sessions.db.roles import CLINICIAN, SCIENTIST
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.motion_bids import writer
 from tests.app.api.test_recordings import finished, upload

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 from starlette.testclient import TestClient
 
-from handscope.sessions.clinic.accounts import CLINICIAN, SCIENTIST
+from handscope.sessions.db.roles import CLINICIAN, SCIENTIST
 from handscope.sessions.db.tables import RecordingFile, Result
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.motion_bids import writer

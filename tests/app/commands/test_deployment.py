@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from handscope.app import serving
 from handscope.app.cli import main
 from handscope.app.commands import serve
 from handscope.estimators.errors import InputError
@@ -170,7 +171,7 @@ def test_the_provider_s_words_for_roles_come_from_the_environment(
     monkeypatch.setenv("HANDSCOPE_OIDC_ROLES", "hand-therapists=clinician movement-lab=scientist")
     parser = argparse.ArgumentParser()
     serve.add(parser)
-    agreed = serve.sign_on(parser.parse_args(["--oidc-issuer", "https://login.test"]))
+    agreed = serving.sign_on(parser.parse_args(["--oidc-issuer", "https://login.test"]))
     assert agreed is not None
     assert agreed.roles == {"hand-therapists": "clinician", "movement-lab": "scientist"}
 
@@ -186,4 +187,4 @@ def test_single_sign_on_that_could_not_be_trusted_is_refused_at_the_start(words:
     parser = argparse.ArgumentParser()
     serve.add(parser)
     with pytest.raises(InputError, match="--oidc-"):
-        serve.sign_on(parser.parse_args(words))
+        serving.sign_on(parser.parse_args(words))

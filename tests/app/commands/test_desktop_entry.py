@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from handscope.app import serving
 from handscope.app.cli import main
-from handscope.app.commands import desktop_entry, serve
+from handscope.app.commands import desktop_entry
 from handscope.sessions.store.folder_lock import hold_folder
 
 
@@ -43,7 +44,7 @@ def test_it_opens_the_server_that_runs_and_starts_one_where_none_does(
     opened: list[str] = []
     started: list[bool] = []
     monkeypatch.setattr(webbrowser, "open", opened.append)
-    monkeypatch.setattr(serve, "serve", lambda *_, browser, printed: started.append(browser))
+    monkeypatch.setattr(serving, "serve", lambda *_, browser, printed: started.append(browser))
     assert main(["open", "--data", str(tmp_path)]) == 0
     assert (opened, started) == ([], [True])
     (tmp_path / "address").write_text("http://127.0.0.1:8420\n")

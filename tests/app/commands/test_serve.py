@@ -3,7 +3,7 @@
 import asyncio
 import socket
 
-from handscope.app.commands.serve import _listen
+from handscope.app.serving import _listen
 
 
 def test_a_small_message_does_not_wait_for_the_last_one_to_be_acknowledged() -> None:
