@@ -73,11 +73,17 @@ class _Pair:
 
     def off(self, M: Array) -> float:
         """Angle (rad) between gravity as it is turned by rates M w and as it is seen."""
-        q = quat.IDENTITY
-        for w in CELL * self.rates @ M.T:
-            q = quat.multiply(q, quat.exp(w))
+        q = _product(quat.exp(CELL * self.rates @ M.T))
         there = quat.rotate(quat.conjugate(q), self.before)
         return float(np.arccos(np.clip(there @ self.after, -1.0, 1.0)))
+
+
+def _product(q: Array) -> Array:
+    """Product (4,) of rotations (n, 4) in order, of neighbours first."""
+    while len(q) > 1:
+        pairs, last = len(q) // 2 * 2, q[len(q) // 2 * 2 :]
+        q = np.concatenate([quat.multiply(q[:pairs:2], q[1:pairs:2]), last])
+    return q[0] if len(q) else quat.IDENTITY
 
 
 def find(cells: Cells, asked: NDArray[np.bool_]) -> list[RestTurn]:
