@@ -72,7 +72,7 @@ TITLE = phrase("method_title.map")
 CAPABILITIES = Capabilities(needs_pose=False, batch_only=True, gives_covariance=True)
 ALONE = phrase("map.fingers_alone")
 # begun where each finger has its minimum: the next step would gain a hundredth of that
-TOGETHER = Limits(iterations=25, least_gain=0.25, chord=3.0)
+TOGETHER = Limits(iterations=25, least_gain=0.25, chord=0.01)
 RIGID = 1e-3  # share of the soft-tissue artefact that is negligible
 SHARE = 0.6  # of the time, for which fingers are solved one by one
 

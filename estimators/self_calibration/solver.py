@@ -38,6 +38,7 @@ AROUND, CIRCLE = (
 )  # steps; half a sum of squares, far below what a standard deviation of one parameter is
 SMALL = 0.1  # of a standard deviation
 SLOW = 0.3  # of the gain before: what steps with one factor still gain where they lead on
+SETTLED = 100.0  # times the least gain: after less than that, a step that loses less than the least gain circles about the minimum
 FREE = 1e-6  # damping beyond which a step is no Newton step
 UNLIKELY = 3.0  # standard deviations that what was known before may be off until it is doubted
 Outcome = Literal["converged", "not converged", "stopped"]
@@ -174,6 +175,9 @@ def levenberg_marquardt(
         if known is not None:
             costs[-1], there = known.chord(problem, at)
             reached = ops.cost(problem, there)
+            if gain < SETTLED * limits.least_gain and abs(reached - costs[-1]) < limits.least_gain:
+                outcome = "converged"
+                break
             if not reached < costs[-1]:
                 known = None
         is_chord = known is not None
@@ -193,7 +197,10 @@ def levenberg_marquardt(
                 reached = ops.cost(problem, there)
             except np.linalg.LinAlgError:
                 reached = np.inf
-            if reached < costs[-1] or damping > 1e8:
+            is_settled = (
+                gain < SETTLED * limits.least_gain and reached - costs[-1] < limits.least_gain
+            )
+            if reached < costs[-1] or is_settled or damping > 1e8:
                 break
             damping, growth = damping * growth, growth * 2
         if not reached < costs[-1]:
@@ -203,7 +210,7 @@ def levenberg_marquardt(
         at, growth = there, 2.0
         costs.append(reached)
         is_slow = is_chord and gain > SLOW * before
-        if gain < limits.least_gain and not is_slow:
+        if gain < limits.least_gain * (SLOW if is_slow else 1.0):
             outcome = "converged"
             break
         if is_slow or damping > FREE or gain > limits.chord * reached:

@@ -7,6 +7,7 @@ Source  solver.py, posterior.py for one limb
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from handscope.estimators.numerics.typing import Array, Indices
 from handscope.estimators.self_calibration import normal_equations
 from handscope.estimators.self_calibration.problem import Noise, Unknowns, parameter_columns
 from handscope.estimators.self_calibration.solver import (
+    DescentResult,
     Limits,
     Linearised,
     Outcome,
@@ -30,6 +32,9 @@ from handscope.estimators.self_calibration.whole_hand import normal_equations as
 from handscope.estimators.self_calibration.whole_hand import problem as whole_hand_problem
 from handscope.estimators.self_calibration.whole_hand.normal_equations import HandFactor, HandNormal
 from handscope.estimators.self_calibration.whole_hand.problem import HandPlace, HandProblem
+
+NEAR = 0.05  # of half a sum of squares for each parameter: a third of a standard deviation of each
+UNDAMPED = 1e-8
 
 
 @dataclass(frozen=True)
@@ -56,15 +61,22 @@ def solve(
         whole_hand_problem.gather_limbs([s.problem for s in alone], noise),
         whole_hand_problem.merge_places([s.at for s in alone]),
     )
+    last: list[_Factored] = []
     result = levenberg_marquardt(
-        ProblemOps(whole_hand_problem.with_hand_flexion, hand_equations.cost, _linearise),
+        ProblemOps(
+            whole_hand_problem.with_hand_flexion, hand_equations.cost, partial(_linearise, last)
+        ),
         problem,
         start,
         limits,
         go_on,
     )
-    normal = hand_equations.build_normal_equations(result.problem, result.at)
-    raw = hand_equations.factorise(normal)
+    if last and _is_near(last[0], result):
+        normal, raw = last[0].normal, last[0].factor
+    else:
+        last.clear()
+        normal = hand_equations.build_normal_equations(result.problem, result.at)
+        raw = hand_equations.factorise(normal)
     pulls = sandwich_covariance.hand_pulls(result.problem, result.at, normal, raw)
     factor = replace(
         raw,
@@ -114,18 +126,40 @@ def _with_covariance(
     return covariance + np.diag(variances)
 
 
-def _linearise(problem: HandProblem, at: HandPlace) -> Linearised[HandProblem, HandPlace]:
+@dataclass(frozen=True)
+class _Factored:
+    """The last factor of a descent."""
+
+    cost: float  # where it was made
+    damping: float
+    normal: HandNormal
+    factor: HandFactor
+
+
+def _is_near(last: _Factored, result: DescentResult[HandProblem, HandPlace]) -> bool:
+    """Whether a factor of an earlier place tells how sure the last one is: what was gained since is little for that many unknowns."""
+    return (
+        last.damping <= UNDAMPED
+        and result.outcome == "converged"
+        and last.cost - result.costs[-1] < NEAR * last.factor.layout.count
+    )
+
+
+def _linearise(
+    last: list[_Factored], problem: HandProblem, at: HandPlace
+) -> Linearised[HandProblem, HandPlace]:
+    last.clear()  # before there are two
     normal = hand_equations.build_normal_equations(problem, at)
-    last: list[HandFactor] = []
 
     def damped(damping: float) -> HandPlace:
-        last[:] = [hand_equations.factorise(normal, damping)]
-        step = hand_equations.solve_step(normal, last[0])
+        factor = hand_equations.factorise(normal, damping)
+        last[:] = [_Factored(normal.cost, damping, normal, factor)]
+        step = hand_equations.solve_step(normal, factor)
         return whole_hand_problem.apply_hand_increment(at, problem, step.turns, step.parameters)
 
     def chord(other: HandProblem, there: HandPlace) -> tuple[float, HandPlace]:
         gradient = hand_equations.with_gradient(normal, other, there)
-        step = hand_equations.solve_step(gradient, last[0])
+        step = hand_equations.solve_step(gradient, last[0].factor)
         return gradient.cost, whole_hand_problem.apply_hand_increment(
             there, other, step.turns, step.parameters
         )
