@@ -102,9 +102,15 @@ def read_result(
         "references": references_payload(db, r, found.stored) if found else None,
         "reused": r.reused,
         "goals": [goal_row(goal, language) for goal in goal_readings(r)] if found else [],
-        "self_calibration": self_calibration.describe(stored["table"], stored["told"], language)
+        "self_calibration": {
+            **self_calibration.describe(stored["table"], stored["told"], language),
+            "changes": self_calibration.length_changes(stored, language),
+        }
         if (stored := r.content.get("self_calibration"))
         else None,
+        "self_calibration_gains": [
+            language.say(f"finger.{f}") for f in r.content.get("self_calibration_gains", [])
+        ],
         "grading": grading,
         "checksum": r.recording.sha256,
     }

@@ -37,6 +37,7 @@ from handscope.estimators.measures.plot_data import PlotData, thin_curves
 from handscope.estimators.measures.resting_drift import resting_drift
 from handscope.estimators.measures.tapping import Tapping
 from handscope.estimators.methods import ALL_METHODS
+from handscope.estimators.methods.map_gain import gaining_fingers
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import Processed, process
 from handscope.estimators.recording_checks.check import check_processed
@@ -197,7 +198,8 @@ def page_content(
     """Everything that the result page draws besides the figures."""
     trajectory, c = processed.trajectory, processed.calibrations[0]
     return {
-        "self_calibration": self_calibration.stored_form(processed),
+        "self_calibration": _found_calibration(processed, recording),
+        "self_calibration_gains": _fingers_to_gain(processed, recording),
         "span": [float(trajectory.t[0]), float(trajectory.t[-1])]
         if len(trajectory)
         else [0.0, 0.0],
@@ -225,6 +227,20 @@ def page_content(
             if e.trial_type == "task"
         },
     }
+
+
+def _found_calibration(processed: Processed, recording: LoadedRecording) -> dict[str, Any] | None:
+    """What self-calibration found, beside the lengths as they were given."""
+    found = self_calibration.stored_form(processed)
+    return found and {**found, "given": dict(recording.geometry.lengths)}
+
+
+def _fingers_to_gain(processed: Processed, recording: LoadedRecording) -> list[str]:
+    """Fingers whose lengths and mountings this movement would tell; none where it told them already."""
+    calibration = processed.calibrations[0]
+    if calibration.lengths_sd or calibration.p_BS_sd:
+        return []
+    return list(gaining_fingers(recording, calibration, processed.trajectory))
 
 
 def _drifts(processed: Processed) -> list[dict[str, Any]]:

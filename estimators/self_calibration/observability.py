@@ -204,6 +204,13 @@ def add_information(a: AccumulatedInformation, b: AccumulatedInformation) -> Acc
     )
 
 
+def repeat(a: AccumulatedInformation, times: float) -> AccumulatedInformation:
+    """Information of so many times as many stretches that tell as much."""
+    summed = ("information", "spurious_information", "squares", "redundancy")
+    lasted = ("seconds", "turned", "hand_turned")
+    return replace(a, **{name: times * getattr(a, name) for name in (*summed, *lasted)})
+
+
 def assess_joints(
     asked: Requirements, of: Limb, so_far: AccumulatedInformation, flexion: Mapping[str, Array]
 ) -> list[JointObservability]:

@@ -21,6 +21,7 @@ import * as recordings from "../session/recordings.js";
 import * as references from "../session/references.js";
 import * as results from "../session/results.js";
 import * as selfCalibration from "../session/self_calibration.js";
+import * as selfCalibrationGain from "../session/self_calibration_gain.js";
 import * as tapping from "../session/tapping.js";
 import * as trials from "../session/trials.js";
 import * as trunkHeight from "../session/trunk_height.js";
@@ -29,8 +30,7 @@ import { clock, day, t, time } from "../words/words.js";
 export function mount(root, api, { id, go, title, roles }) {
   const box = errorBox();
   const draft = {}; // notes and a date that are being typed while the session is processed and drawn anew
-  let leave = () => {};
-  let gone = false;
+  let [leave, gone] = [() => {}, false];
   const relayed = h("div", { hidden: true });
   root.append(box.element);
   const stop = relay.mount(relayed, Number(id));
@@ -98,7 +98,7 @@ function draw(root, api, about) {
   const main = [...hollow, ...(done ? numbers : [[progress, place()]]), ...tasks, ...(closed ? kept : [])];
   const typed = treats ? [notes, dating, closed && trunkHeight.worn(session) && trunkHeight] : [];
   const read = done ? [goals, references] : [];
-  const aside = [...read, closed && selfCalibration, ...typed].filter(Boolean).map((part) => [part, place()]);
+  const aside = [...read, done && selfCalibrationGain, closed && selfCalibration, ...typed].filter(Boolean).map((part) => [part, place()]);
   const [head, choice] = [done ? [[downloads, place("")]] : [], [[results, place("")]]];
   const [name, lead] = [h("h1", {}), h("p", { class: "soft" })];
   const other = session.other_hand;

@@ -1,4 +1,4 @@
-"""A hand calibrates itself in the wizard, is kept with the patient, and the next session is asked what it takes over."""
+"""A hand calibrates itself in the wizard, is kept with the patient, and the next session is asked what it takes over; a recording's page proposes it."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -6,7 +6,12 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
+from handscope.estimators.hand.anatomy import CHAINS
+from handscope.sessions.files.recording import LoadedRecording
+from handscope.sessions.motion_bids import writer
 from handscope.validation.benchmarks.server_under_test import glove, wait_for
+from handscope.validation.reproduce.experiments import Trial, performed
+from tests.estimators.methods.test_map_gain import only
 from tests.journeys.house import (
     LONG,
     Server,
@@ -20,6 +25,7 @@ from tests.journeys.house import (
     shown,
 )
 from tests.journeys.test_accessibility import looked_at
+from tests.journeys.test_upload import upload
 
 pytestmark = pytest.mark.browser
 FREE = 40.0  # s that free movement lasts where nobody says enough
@@ -119,3 +125,36 @@ def test_a_hand_calibrates_itself_and_the_next_session_is_asked(
     keep_picture(page, "self-calibration-kept")
     page.get_by_role("button", name="Offer it again").click()
     shown(asked)
+
+
+@pytest.fixture(scope="module")
+def free_movement() -> bytes:
+    """Index finger alone: it is solved in seconds."""
+    made = only(performed(Trial("free", 3)), ("hand", *CHAINS["index"]))
+    recording = LoadedRecording(made.hand, made.geometry, {}, made.samples, made.events)
+    return writer.pack(writer.tree(recording, "01", "free"))
+
+
+@pytest.mark.slow
+def test_the_page_proposes_self_calibration_and_shows_before_and_after(
+    another_page: Callable[..., Page], server: Server, free_movement: bytes
+) -> None:
+    page = another_page(scene=False, at=None, bypass_csp=True)
+    page.goto(f"{server.base}/patients/{new_patient(page)}")
+    upload(page, "free.zip", free_movement)
+    page.wait_for_url("**/sessions/*")
+    shown(page.get_by_role("heading", name="Self-calibration would tell more"), 2 * LONG)
+    shown(page.get_by_text("to find lengths and how the sensors sit: Index."))
+    looked_at(page, "self-calibration proposed")
+    keep_picture(page, "self-calibration-proposed")
+    page.get_by_role("button", name="Calibrate from this movement").click()
+    shown(page.get_by_role("heading", name="Before and after self-calibration"), 6 * LONG)
+    length = shown(page.get_by_role("row", name="index proximal").first)
+    expect(length).to_contain_text("±")
+    expect(page.get_by_role("heading", name="Self-calibration would tell more")).to_have_count(0)
+    looked_at(page, "before and after self-calibration")
+    keep_picture(page, "self-calibration-before-after")
+    session = page.url.split("/sessions/")[1].partition("?")[0]
+    results = api(page, f"/api/sessions/{session}")["recordings"][0]["results"]
+    assert {result["method"] for result in results} >= {"map"}, "what was there before stays, too"
+    assert len(results) == 2

@@ -13,8 +13,8 @@ from handscope.app.live.tracking import Tracking
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.samples import Block
 from handscope.estimators.data.trajectory import Trajectory
-from handscope.estimators.hand.anatomy import CHAINS, FLEXION, JOINT, SEGMENT
-from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.hand.anatomy import CHAINS, FLEXION, JOINT
+from handscope.estimators.methods import map_gain
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import observability, sample_preparation
 from handscope.estimators.self_calibration.observability import (
@@ -22,7 +22,6 @@ from handscope.estimators.self_calibration.observability import (
     JointObservability,
     Limb,
 )
-from handscope.estimators.self_calibration.problem import Noise
 from handscope.estimators.self_calibration.result import Requirements
 
 log = logging.getLogger(__name__)
@@ -99,7 +98,9 @@ class FreeMeter:
                 limb = observability.build_limb(
                     finger, sorted(worn), self._tracking.geometry, calibration.q_BS
                 )
-                if silent := _silent(limb, blocks):  # self-calibration leaves them out, too
+                if silent := map_gain.silent_sensors(
+                    limb, blocks
+                ):  # self-calibration leaves them out, too
                     limb = observability.build_limb(
                         finger,
                         sorted(worn - set(silent)),
@@ -110,7 +111,7 @@ class FreeMeter:
                     self._fingers[finger] = limb, observability.no_information(limb)
         flexion, observed = np.concatenate(self._flexion), list[JointObservability]()
         for finger, (limb, before) in self._fingers.items():
-            information = _accumulate(calibration, limb, before.noise, rows, blocks)
+            information = map_gain.accumulate_stretch(calibration, limb, before.noise, rows, blocks)
             so_far = (
                 before
                 if information is None
@@ -125,30 +126,3 @@ class FreeMeter:
 def _worth(observed: Sequence[JointObservability]) -> float:
     """Rank of a stretch: the share of its least observable joint."""
     return min((o.share for o in observed), default=0.0)
-
-
-def _silent(limb: Limb, blocks: Sequence[Block]) -> tuple[str, ...]:
-    """Which of the limb's sensors give less than half of their samples, and those behind the first of them."""
-    return sample_preparation.drop_silent_sensors(blocks, limb.links, -np.inf, np.inf)[1]
-
-
-def _accumulate(
-    calibration: Calibration, limb: Limb, noise: Noise, rows: Trajectory, blocks: Sequence[Block]
-) -> AccumulatedInformation | None:
-    """Information that a stretch gives about a finger; None where a sensor is silent or has no orientation."""
-    own = [b for b in blocks if set(b.stream.sensors) & set(limb.links.sensors)]
-    if not {s for b in own for s in b.stream.sensors} >= set(limb.links.sensors) or _silent(
-        limb, own
-    ):
-        return None
-    t, read = sample_preparation.prepare_readings(
-        own, limb.links.sensors, max(b.t[0] for b in own), min(b.t[-1] for b in own)
-    )
-    row = min(int(np.searchsorted(rows.t, t[0])), len(rows) - 1)
-    q_GS = np.stack(
-        [
-            quat.multiply(rows.q_GS[row, SEGMENT[s]], calibration.q_BS.get(s, quat.IDENTITY))
-            for s in limb.links.sensors
-        ]
-    )
-    return observability.accumulate(limb, read, q_GS, noise) if np.isfinite(q_GS).all() else None

@@ -39,6 +39,16 @@ def stored_form(processed: Processed) -> dict[str, Any] | None:
     )
 
 
+def length_changes(stored: Mapping[str, Any], language: Language) -> list[list[str]]:
+    """Segment, length as it was given and as movement told it, mm; of those that it told."""
+    given, found = stored.get("given", {}), stored["table"]["segment_lengths"]
+    return [
+        [language.segment(s), language.number(1e3 * given[s], 1), _length(s, found[s], language)[1]]
+        for s in SEGMENTS
+        if s in given and "sd" in found.get(s, {})
+    ]
+
+
 def reused_form(c: SelfCalibration, parts: str) -> dict[str, Any]:
     """The same of an earlier self-calibration of which these parts were taken over."""
     return {"table": c.found, "told": c.messages, "onset": c.onset, "end": c.end, "parts": parts}

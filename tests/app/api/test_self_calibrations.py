@@ -33,6 +33,7 @@ def by_map(client: TestClient, session: int) -> int:
             "told": one.messages,
             "onset": one.onset,
             "end": one.end,
+            "given": {"index_proximal": 0.0412},
         }
     }
     with client.app.state.parts.store.database() as db:  # type: ignore[attr-defined]
@@ -57,6 +58,8 @@ def test_it_is_kept_by_a_press_and_taken_over_as_somebody_decides(
     source = by_map(client, session)
     told = client.get(f"/api/results/{source}").json()["self_calibration"]
     assert ["index proximal", "43.00 ± 0.20", "found by the movement"] in told["lengths"]
+    assert told["changes"] == [["index proximal", "41.2", "43.00 ± 0.20"]]
+    assert client.get(f"/api/results/{first}").json()["self_calibration_gains"] == []
     kept = client.post(address, json={"result": source})
     assert kept.status_code == 201, kept.text
     (offer,) = client.get(reuse).json()["offers"]

@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from handscope.app.live.readouts import observability_meter
 from handscope.app.live.readouts.observability_meter import FreeMeter
 from handscope.estimators.alignment import initial_pose
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.samples import Block
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.methods import map_gain
 from handscope.estimators.simulation.scenario import Simulated
 from tests.estimators.self_calibration.fingers import recorded
 from tests.simulated import strips_of
@@ -111,6 +111,6 @@ def test_before_any_pose_and_when_it_fails_the_station_goes_on(
     calibration, followed.calibration = followed.calibration, None
     assert not moved(followed, 6.1).observed
     followed.calibration = calibration
-    monkeypatch.setattr(observability_meter, "_accumulate", None)
+    monkeypatch.setattr(map_gain, "accumulate_stretch", None)
     assert not moved(followed, 4.1).is_enough
     assert "could not be computed" in caplog.text
