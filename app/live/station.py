@@ -10,6 +10,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -45,22 +46,20 @@ from handscope.app.results.quantity_curve import Curve
 from handscope.app.scene.camera.sides import Side
 from handscope.app.scene.scene_process import SceneProcess
 from handscope.estimators.alignment import quality as alignment_quality
-from handscope.estimators.alignment.initial_pose import THERAPIST, Pose, pose_of
+from handscope.estimators.alignment.initial_pose import Pose
 from handscope.estimators.alignment.quality import JointQuality
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.held_contact import held_contacts
 from handscope.estimators.data.samples import Block, Event
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand.anatomy import ANGLES, FINGERS
+from handscope.estimators.hand.anatomy import FINGERS
 from handscope.estimators.messages.sentence import phrase
-from handscope.estimators.simulation.movements.task_performance import POSE_THUMB
 from handscope.sessions.wire.messages import Cue
 
 log = logging.getLogger(__name__)
 TICK = 0.1  # s
 FINGER_LEAD = 2.5  # s for the finger before to come to rest
-THUMB_COLUMNS = tuple(f"thumb_cmc_{name}_deg" for name in ANGLES)  # of a pose's event
 WIGGLE = 10.0  # s that bending one finger after the other takes
 
 
@@ -87,7 +86,7 @@ class Station:
         self._published: tuple[int, dict[str, Any]] = (0, {})  # of the last tick
         self._stop = threading.Event()
         self._problem = ""
-        self._calibrated_glove = 0  # gloves plugged in before the newest calibration
+        self._calibrated_glove, self._glove_before = 0, 0  # gloves plugged in until then
         self.sensor_faults: list[str] = []  # found by the sensor check
         self._corrections = LiveCorrections(self._next_number)
         self.exchanged: dict[str, str] = {}  # finger of a strip -> finger that wears it
@@ -119,11 +118,13 @@ class Station:
         self.free = FreeMovement(self.glove, self.tracking, self._next_number, setup.store_solution)
 
     def __enter__(self) -> "Station":
-        self._drawing.begin()
-        self.scene.__enter__()
-        self.outlets.__enter__()
-        self.tracking.__enter__()
-        self.glove.__enter__()
+        with ExitStack() as opened:
+            self._drawing.begin()
+            self.scene.__enter__()
+            opened.callback(self.scene.close)
+            for part in (self.outlets, self.tracking, self.glove):
+                opened.enter_context(part)
+            self._opened = opened.pop_all()
         self._thread = threading.Thread(target=self._run, name=f"station {self.name}", daemon=True)
         self._thread.start()
         return self
@@ -132,13 +133,12 @@ class Station:
         self._stop.set()
         if threading.current_thread() is not self._thread:
             self._thread.join(5.0)
-        self.free.close()
-        self.glove.__exit__(None, None, None)
-        self.tracking.__exit__()
-        self.outlets.__exit__()
-        self.scene.close()
-        self._viewers.notify()
-        self._pose_readers.notify()
+        try:
+            self.free.close()
+            self._opened.close()
+        finally:
+            self._viewers.notify()
+            self._pose_readers.notify()
 
     @property
     def ended(self) -> bool:
@@ -322,7 +322,7 @@ class Station:
             or worn_glove.wrong_hand_sentence(self.glove, self.setup.hand)
             or worn_glove.other_glove_sentence(self.glove, self._calibrated_glove)
         )
-        self._drawing.pose = self._pose()
+        self._drawing.pose = trial_events.pose_with(self._pose_details())
         with self.scene.picture():
             self._drawing.draw_wizard(self._wizard, status)
             self._draw_readouts()
@@ -453,12 +453,13 @@ class Station:
 
     def _calibrate(self, effect: wizard_effects.Calibrate) -> None:
         """Compute outside the tick: to combine a pose with calibration movements takes seconds."""
-        pose = self._pose(effect.onset, effect.end - effect.onset)
+        details = self._pose_details()
+        pose = trial_events.pose_with(details, effect.onset, effect.end - effect.onset)
         self.tracking.mounting = self.glove.assembler.mounting
         self.tracking.prior = self.free.prior(self.setup.prior, self.setup.prior_glove)
-        self._start_thread(self._compute_calibration, "calibration", pose)
+        self._start_thread(self._compute_calibration, "calibration", pose, details)
 
-    def _compute_calibration(self, pose: Pose) -> None:
+    def _compute_calibration(self, pose: Pose, details: Mapping[str, Any]) -> None:
         """In a thread of its own: calibrate from the pose, or give the reason why not."""
         calibration, refusal = None, ""
         try:
@@ -476,8 +477,8 @@ class Station:
                 self._wizard = wizard_machine.reject_pose(self._wizard, status, refusal)
             else:
                 self._calibration = calibration
-                self._calibrated_glove = self.glove.assembler.replaced
-                self._store_pose(pose)
+                self._take_calibrated_glove()
+                self._store_pose(pose, details)
                 self.scene.measured(alignment_quality.measured_fingers(calibration))
                 poor = sum(j.grade == "poor" for j in self.joints())
                 self._wizard, effects = wizard_machine.accept_pose(
@@ -493,22 +494,22 @@ class Station:
 
     def _pose_details(self) -> dict[str, Any]:
         """Of the pose that is taken now."""
-        thumb = dict(zip(THUMB_COLUMNS, POSE_THUMB))
-        held_by = {"held_by": THERAPIST} if self._wizard.passive else {}
-        repetition = self._wizard.repetition
-        again = {"repetition": repetition} if repetition > 1 else {}
-        return {**thumb, **self._measured_pose, **held_by, **again}
+        wizard = self._wizard
+        return trial_events.pose_details(self._measured_pose, wizard.passive, wizard.repetition)
 
-    def _pose(self, onset: float = 0.0, length: float = 0.0) -> Pose:
-        """The pose that is taken now."""
-        return pose_of(Event(onset, length, "initial_pose", self._pose_details()))
+    def _take_calibrated_glove(self) -> None:
+        """The newest calibration is of the glove that is plugged in now."""
+        self._glove_before = self._calibrated_glove
+        self._calibrated_glove = self.glove.assembler.replaced
 
-    def _store_pose(self, pose: Pose) -> None:
+    def _store_pose(self, pose: Pose, details: Mapping[str, Any]) -> None:
+        """Keep the pose with the details that it was calibrated with; angles of a photograph that came meanwhile are the next one's."""
         self._attempts += 1
-        details, self._measured_pose = self._pose_details(), {}
+        if self._measured_pose.items() <= details.items():
+            self._measured_pose = {}
         self.glove.keep_event(
             f"pose-{self._attempts}",
-            Event(pose.onset, pose.duration, "initial_pose", details),
+            Event(pose.onset, pose.duration, "initial_pose", dict(details)),
         )
         self.scene.face_ahead()
 
@@ -520,6 +521,7 @@ class Station:
         except InputError as problem:
             self._wizard = wizard_machine.reject_pose(self._wizard, status, str(problem))
             return
+        self._take_calibrated_glove()
         self._attempts += 1
         self.glove.keep_event(
             f"pose-{self._attempts}",
@@ -550,6 +552,7 @@ class Station:
         """Take the newest pose back; the calibration before it holds again."""
         self.glove.keep_event(f"pose-{self._attempts}", None)
         self._calibration = self.tracking.restore_previous()
+        self._calibrated_glove = self._glove_before
         self.scene.face_ahead()
 
     def joints(self) -> list[JointQuality]:

@@ -150,8 +150,8 @@ class Tracking:
         once = initial_pose.calibrate(
             self.params, self.hand, self.geometry, self.mounting, window, pose
         )
-        self._row = [*self._row, once] if pose.repetition > 1 else [once]
-        calibration = repeated_pose.average(self._row)
+        row = [*self._row, once] if pose.repetition > 1 else [once]
+        calibration = repeated_pose.average(row)
         if self.movements:
             calibration = functional_calibration.combine(
                 self.params, self.movements, calibration, self.mounting
@@ -162,6 +162,7 @@ class Tracking:
             (calibration,), whose = rate_orientations(self.params, [calibration])
             calibration = replace(calibration, warnings=(*calibration.warnings, *whose))
         calibration = self._add_findings(calibration, window, pose)
+        self._row = row
         self._replace_calibration(calibration)
         return calibration
 

@@ -1,4 +1,4 @@
-"""The events of an attempt at a task: the task, and if accepted its pauses and phases (docs/extending.md)."""
+"""The events of an attempt at a task, the task and, if accepted, its pauses and phases (docs/extending.md), and of an initial pose."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -7,14 +7,31 @@ import numpy as np
 
 from handscope.app.live.wizard.effects import KeepAttempt
 from handscope.app.protocols import Protocol
+from handscope.estimators.alignment.initial_pose import THERAPIST, Pose, pose_of
 from handscope.estimators.data.samples import Event
+from handscope.estimators.hand.anatomy import ANGLES
 from handscope.estimators.measures.task_request import PAUSE
+from handscope.estimators.simulation.movements.task_performance import POSE_THUMB
 
 CLOSING, LEAVING = (
     2.0,
     0.3,
 )  # s after a word until fingertips touch, and before the next when they part
+THUMB_COLUMNS = tuple(f"thumb_cmc_{name}_deg" for name in ANGLES)  # of a pose's event
 NO_TRUNK_DETAILS: Mapping[str, float] = {}
+
+
+def pose_details(measured: Mapping[str, float], passive: bool, repetition: int) -> dict[str, Any]:
+    """Details of the event of a pose whose angles (deg) were measured, held by the therapist where it is `passive`."""
+    thumb = dict(zip(THUMB_COLUMNS, POSE_THUMB))
+    held_by = {"held_by": THERAPIST} if passive else {}
+    again = {"repetition": repetition} if repetition > 1 else {}
+    return {**thumb, **measured, **held_by, **again}
+
+
+def pose_with(details: Mapping[str, Any], onset: float = 0.0, length: float = 0.0) -> Pose:
+    """The pose with these details of its event; onset and length in s."""
+    return pose_of(Event(onset, length, "initial_pose", dict(details)))
 
 
 def events(

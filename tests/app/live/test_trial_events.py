@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from handscope.app.live import trial_events
+from handscope.app.devices.glove import Glove
+from handscope.app.live import trial_events, worn_glove
 from handscope.app.live.station import Station
 from handscope.app.live.stations import Stations
 from handscope.app.live.wizard import machine as wizard_machine
@@ -213,6 +214,65 @@ def test_the_next_pose_alone_takes_the_angles_of_a_photograph(
     assert taken[0].thumb_cmc == taken[1].thumb_cmc != initial_pose.NEUTRAL
     assert events[0].details.items() >= details.items() and taken[1].measured == {}
     assert "index_mcp_deviation_deg" not in events[1].details
+
+
+def test_a_photograph_that_comes_while_a_pose_is_computed_is_the_next_poses(
+    station: Station, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    events, taken = kept(station, monkeypatch), list[initial_pose.Pose]()
+    calibration = initial_pose.uncalibrated("left", sized("left"), {}, SEGMENTS, 0.0)
+    details = {"index_mcp_deviation_deg": 4.0, "index_mcp_deviation_sd_deg": 0.6}
+
+    def calibrate(pose: initial_pose.Pose) -> Calibration:
+        if not taken:
+            station.take_measured_pose(details)
+        taken.append(pose)
+        return calibration
+
+    monkeypatch.setattr(station.tracking, "calibrate", calibrate)
+    for count in (1, 2):
+        station._wizard = replace(station._wizard, state=State.POSE_WORK)
+        station._carry_out([Calibrate(10.0, 13.0)], READY)
+        wait_for(lambda count=count: len(events) == count)
+    assert taken[0].measured == {} and "index_mcp_deviation_deg" not in events[0].details
+    assert "index_mcp" in taken[1].measured and events[1].details.items() >= details.items()
+
+
+def test_a_calibration_that_is_taken_back_is_again_one_of_the_glove_before(
+    station: Station, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    events = kept(station, monkeypatch)
+    calibration = initial_pose.uncalibrated("left", sized("left"), {}, SEGMENTS, 0.0)
+    monkeypatch.setattr(station.tracking, "calibrate", lambda pose: calibration)
+    monkeypatch.setattr(station.tracking, "restore_previous", lambda: calibration)
+
+    def calibrate(count: int) -> None:
+        station._wizard = replace(station._wizard, state=State.POSE_WORK)
+        station._carry_out([Calibrate(10.0, 13.0)], READY)
+        wait_for(lambda: len(events) == count)
+
+    calibrate(1)
+    station.glove.assembler.replaced += 1
+    assert worn_glove.other_glove_sentence(station.glove, station._calibrated_glove)
+    calibrate(2)
+    assert not worn_glove.other_glove_sentence(station.glove, station._calibrated_glove)
+    station._drop_pose()
+    assert worn_glove.other_glove_sentence(station.glove, station._calibrated_glove)
+
+
+def test_a_station_that_cannot_open_leaves_nothing_running(
+    station: Station, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    another = Station("another", station.setup, lambda s: None)
+
+    def fail(self: Glove) -> Glove:
+        raise InputError("live.glove_in_use", port=another.setup.port)
+
+    monkeypatch.setattr(Glove, "__enter__", fail)
+    with pytest.raises(InputError):
+        another.__enter__()
+    assert not another.tracking._thread.is_alive()
+    wait_for(lambda: not another.scene.port)
 
 
 def test_leaving_the_server_waits_for_a_session_that_is_being_finished() -> None:
