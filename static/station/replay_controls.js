@@ -96,6 +96,7 @@ export function mount(root, api, { station, result, focus, chapters }) {
       }
       box.clear();
     } catch (error) {
+      waiting = null;
       box.show(error);
     } finally {
       busy = false;

@@ -24,6 +24,7 @@ export function mount(root, api, { station }) {
     invitation,
   );
   let gone = false;
+  let invited = ""; // the screen whose code is shown
 
   async function list() {
     const every = await api.get(path);
@@ -37,7 +38,7 @@ export function mount(root, api, { station }) {
   }
 
   async function invite() {
-    const { code, path: page, minutes } = await api.post(path, { language: wanted.value });
+    const { screen, code, path: page, minutes } = await api.post(path, { language: wanted.value });
     const address = `${location.origin}${page}`;
     const shown = [
       h("p", {}, t("screens.once", { minutes })),
@@ -47,11 +48,12 @@ export function mount(root, api, { station }) {
       h("p", {}, h("a", { href: address, target: "_blank", rel: "noopener" }, t("screens.here"))),
     ];
     invitation.replaceChildren(...shown.filter(Boolean));
+    invited = screen;
   }
 
   async function end({ screen }) {
     await api.remove(`${path}/${screen}`);
-    invitation.replaceChildren();
+    if (screen === invited) invitation.replaceChildren();
   }
 
   const work = (button, task) => once(button, box, () => task().then(list));
