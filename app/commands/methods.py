@@ -94,9 +94,18 @@ class MethodRun:
     params: Any
 
 
+MISMOUNTED = ("turned", "swapped")  # kinds of findings (estimators/alignment/mounting_checks.py)
+
+
 def exit_code(verb: str, processed: Processed, out: Path) -> int:
-    """2 with a line to standard error where a sensor or the file is at fault, though all was written; 0 else."""
-    wrong = dict.fromkeys(f.sensor for f in processed.findings if f.severity == "fault")
+    """2 with a line to standard error where a sensor is mounted otherwise than the recording says, though all was written; 0 else.
+
+    Other faults, which may make a sensor look turned, are reported by warnings, flags and grades alone.
+    """
+    faulty = (s for s in processed.suspicions if s.message.severity == "fault")
+    otherwise = {sensor for s in faulty for sensor in s.sensors}
+    found = (f.sensor for f in processed.findings if f.kind in MISMOUNTED)
+    wrong = dict.fromkeys(sensor for sensor in found if sensor not in otherwise)
     if not wrong:
         return 0
     line = phrase("command.at_fault", sensors=", ".join(wrong), out=str(out))
