@@ -19,6 +19,7 @@ VERBS = {
     "account": "who may log in, and as what",
     "ward": "parts of the hospital that patients and accounts belong to",
     "audit": "who saw, changed, exported and erased what; verify that nobody changed the trail",
+    "servers": "the servers that share a database; retire one that never comes back",
     "login": "print a new one-time address for a server that runs",
     "backup": "everything in the data folder as one checked file, while the server runs",
     "restore": "put a backup into an empty data folder",

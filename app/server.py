@@ -48,6 +48,7 @@ from handscope.app.live.stations import Stations
 from handscope.app.settings import Settings
 from handscope.app.state import Parts
 from handscope.app.version import software_version
+from handscope.app.workers.heartbeat import Heartbeat
 from handscope.app.workers.session_repair import SessionRepair
 from handscope.app.workers.storage_mover import StorageMover
 from handscope.app.workers.upload_reader import UploadReader
@@ -77,6 +78,7 @@ def create_app(settings: Settings) -> FastAPI:
         with (
             _spool_in(store.incoming),
             storage_mover or nullcontext(),
+            Heartbeat(store),
             UploadReader() as upload_reader,
             Jobs(store) as jobs,
             Stations(lambda station: _store_finished(app.state.parts, station)) as open_stations,

@@ -30,6 +30,7 @@ from handscope.sessions.login.logins import TOKEN_LIFE, new_token
 from handscope.sessions.store.folder_privacy import keep_private
 from handscope.sessions.store.shared_servers import find_identity
 
+ANYWHERE, LOOPBACK = ("0.0.0.0", "::"), ("127.0.0.1", "::1", "localhost")
 LARGEST_MESSAGE = 2**20  # bytes of a web socket message, before anybody looks at it
 SWITCH = 5e-4  # s that a thread which has something to do waits for another: Python's 5 ms add up over a pose's way to its viewers
 
@@ -102,16 +103,19 @@ def _settings(arguments: argparse.Namespace, demo_ports: Mapping[str, str], base
 
 
 def _shared_at(arguments: argparse.Namespace, base: str) -> str | None:
-    """Where browsers reach this one of several servers: by its first name behind a proxy, else where it listens; None where it is one alone."""
+    """Where browsers reach this one of several servers, by its first name, over TLS behind a proxy; "" where it has none and listens on this machine
+    or on every address, None where it is one alone."""
     if not (arguments.shared or find_identity(arguments.data)):
         return None
-    return f"https://{arguments.name[0]}" if arguments.name and arguments.proxy else base
+    if not arguments.name:
+        return "" if arguments.host in (*ANYWHERE, *LOOPBACK) else base
+    name, port = arguments.name[0], base.rpartition(":")[2]
+    return f"https://{name}" if arguments.proxy else f"http://{name}:{port}"
 
 
 def _base(host: str, port: int) -> str:
     """The address at which this machine reaches the server."""
-    anywhere = host in ("0.0.0.0", "::")
-    name = "127.0.0.1" if anywhere else f"[{host}]" if ":" in host else host
+    name = "127.0.0.1" if host in ANYWHERE else f"[{host}]" if ":" in host else host
     return f"http://{name}:{port}"
 
 

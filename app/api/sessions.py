@@ -394,8 +394,7 @@ def recomputed(
         for old in before
     ]
     for _, result in pairs:
-        if result.state == "queued":
-            parts.jobs.process(result.id)
+        _process(parts, result)
     return [{"before": old.id, "now": result.id} for old, result in pairs]
 
 
@@ -412,9 +411,14 @@ def _queue(
     result = results.find_matching(
         db, closed[-1], method, changed, software_version(), parts.store.server
     )
-    if result.state == "queued":
-        parts.jobs.process(result.id)
+    _process(parts, result)
     return result
+
+
+def _process(parts: Parts, result: Result) -> None:
+    """Compute a result that is queued here; what another server has queued, that one computes."""
+    if result.state == "queued" and parts.store.server in ("", result.server):
+        parts.jobs.process(result.id)
 
 
 async def receive(file: UploadFile, parts: Parts, target: BinaryIO) -> None:

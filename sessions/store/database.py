@@ -63,7 +63,7 @@ def connect(folder: Path, url: str | None = None) -> Engine:
             pool_pre_ping=True,
             hide_parameters=True,  # an error's words, which are logged, quote no patient
             **_POOL,
-            connect_args=_connect_arguments(url or ""),
+            connect_args=connect_arguments(url or ""),
         )
     except (ArgumentError, ImportError) as problem:
         raise InputError("store.database_url", problem=str(problem)) from None
@@ -147,7 +147,7 @@ def _require_known(engine: Engine) -> None:
         raise InputError("store.database_newer", engine=place_of(engine), revision=revision)
 
 
-def _connect_arguments(url: str) -> dict[str, Any]:
+def connect_arguments(url: str) -> dict[str, Any]:
     """PostgreSQL: a network that was cut is noticed within seconds, and a change waits for a lock at most WAIT."""
     if not url.startswith("postgresql+psycopg"):
         return {}

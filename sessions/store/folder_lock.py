@@ -14,13 +14,18 @@ from pathlib import Path
 from typing import Any
 
 from sqlalchemy import Connection, create_engine, make_url, text
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.messages.system import describe
-from handscope.sessions.store.database import is_up_to_date
+from handscope.sessions.store.database import (
+    answer_of,
+    connect_arguments,
+    is_up_to_date,
+    place_of,
+)
 from handscope.sessions.store.shared_servers import MARK, find_identity
 
 
@@ -95,14 +100,23 @@ def _lock(file: int) -> bool:
 
 @contextmanager
 def _hold_database(url: str | None, identity: str, shared: bool) -> Iterator[None]:
-    """PostgreSQL: the server's advisory lock. SQLite lies in the folder and needs none; what cannot be opened is said by open_database."""
+    """PostgreSQL: the server's advisory lock. SQLite lies in the folder and needs none; a URL that names no database is refused by open_database."""
     if not (url or "").startswith("postgresql"):
         yield
         return
     try:
         named = make_url(url or "").update_query_dict({"application_name": _own_name()[:63]})
-        engine = create_engine(named, poolclass=NullPool, isolation_level="AUTOCOMMIT")
+        engine = create_engine(
+            named,
+            poolclass=NullPool,
+            isolation_level="AUTOCOMMIT",
+            connect_args=connect_arguments(url or ""),
+        )
         connection = engine.connect()
+    except DBAPIError as problem:
+        raise InputError(
+            "store.database_cannot_open", engine=place_of(engine), orig=answer_of(problem)
+        ) from None
     except (SQLAlchemyError, ImportError):
         yield
         return

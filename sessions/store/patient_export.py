@@ -138,10 +138,13 @@ def _session(archive: _Archive, store: Store, session: PatientSession) -> Iterat
             yield from _motion_bids(archive, store, file, f"{folder}/motion-bids-{file.id}")
         for result in file.results:
             archive.put(f"{folder}/result-{result.id}-{result.method}.json", _json(_row(result)))
-            for stored in stored_files.files_of_result(store, result.id):
+            stored = stored_files.files_of_result(store, result.id)
+            if result.state == "done" and not stored and store.server not in ("", result.server):
+                yield phrase("patient.result_at_other_server", number=result.id)
+            for kept in stored:
                 archive.put(
-                    f"{folder}/result-{Path(stored).name}",
-                    _pieces(stored_files.fetch_local(store, stored)),
+                    f"{folder}/result-{Path(kept).name}",
+                    _pieces(stored_files.fetch_local(store, kept)),
                 )
 
 

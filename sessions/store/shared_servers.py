@@ -8,20 +8,21 @@ import json
 import socket
 import uuid
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import timedelta
 from pathlib import Path
 
-from sqlalchemy import select, update
+from sqlalchemy import ColumnElement, delete, func, select, update
 from sqlalchemy.orm import Session, sessionmaker
 
 from handscope.estimators.errors import InputError
 from handscope.sessions.db.patientless_tables import ErasedFile, Server
-from handscope.sessions.db.tables import RecordingFile, Result, now
+from handscope.sessions.db.tables import PatientSession, RecordingFile, Result, now
 from handscope.sessions.files import object_storage
 from handscope.sessions.tables_io.writing import save_file
 
 MARK = "shared-server.json"
-SILENT = timedelta(minutes=1)  # since a server told of itself, after which it counts as stopped
+SILENT = timedelta(minutes=1)  # without a heartbeat, after which a server counts as stopped
+_NOW = func.timezone("UTC", func.now())  # PostgreSQL's clock, one for all
 OWNED = (RecordingFile, Result, ErasedFile)
 
 
@@ -29,10 +30,10 @@ OWNED = (RecordingFile, Result, ErasedFile)
 class OtherServer:
     """Another server of the same clinic."""
 
+    id: str
     name: str  # of its machine
-    address: str  # where browsers reach it; "" untold
-    seen: datetime
-    answers: bool  # whether it told of itself lately
+    address: str  # where browsers reach it; "" where that is not known
+    answers: bool  # whether it was there within the last minute, by the database's clock
 
 
 def find_identity(folder: Path) -> str:
@@ -67,7 +68,11 @@ def join(
             raise InputError("store.sharing_needs_storage")
         if known not in (None, storage.folder):
             raise InputError("recording.storage_not_shared", url=storage.url)
-        identity = find_identity(folder) or uuid.uuid4().hex
+        identity = find_identity(folder)
+        if known is not None and not identity and _holds_files(folder):
+            raise InputError("store.sharing_needs_empty_folder", folder=str(folder))
+        identity = identity or uuid.uuid4().hex
+        save_file(json.dumps({"server": identity}).encode(), folder / MARK)
         db.merge(
             Server(
                 id=identity,
@@ -81,28 +86,57 @@ def join(
             for table in OWNED:
                 db.execute(update(table).values(server=identity))
         db.commit()
-    save_file(json.dumps({"server": identity}).encode(), folder / MARK)
 
 
-def tell(db: Session, server: str) -> None:
-    """Say that this server is there."""
-    if server:
-        db.execute(update(Server).where(Server.id == server).values(seen=now()))
-        db.commit()
+def record_heartbeat(db: Session, server: str) -> None:
+    """Say that this server is there, by the database's clock."""
+    db.execute(update(Server).where(Server.id == server).values(seen=_NOW))
+    db.commit()
 
 
 def find_other(db: Session, server: str, own: str) -> OtherServer | None:
     """The other server of that identity; None where it is this one, or none that is known."""
-    row = db.get(Server, server) if server != own and own else None
-    if row is None:
+    if not own or server == own:
         return None
-    return OtherServer(row.name, row.address, row.seen, now() - row.seen < SILENT)
+    return next(iter(_read(db, Server.id == server)), None)
 
 
 def list_others(db: Session, own: str) -> list[OtherServer]:
     """Every other server, by name."""
-    rows = db.scalars(select(Server).where(Server.id != own).order_by(Server.name, Server.id))
-    return [
-        OtherServer(row.name, row.address, row.seen, now() - row.seen < SILENT)
-        for row in (rows if own else ())
-    ]
+    return _read(db, Server.id != own) if own else []
+
+
+def retire(db: Session, name: str, own: str) -> int:
+    """Take over what the server of that name left behind, for good; gives how many sessions it left open. InputError where it answers, or none has that name alone.
+
+    Recordings that it had not brought to the object storage are lost with its disk: sessions of which nothing is left are closed as failed when this server starts next.
+    """
+    found = [o for o in list_others(db, own) if o.name == name]
+    if len(found) != 1:
+        raise InputError("store.server_unknown", name=name, count=len(found))
+    if found[0].answers:
+        raise InputError("store.server_answers", name=name)
+    of_it = RecordingFile.server == found[0].id
+    left = db.scalar(
+        select(func.count())
+        .select_from(PatientSession)
+        .where(PatientSession.state == "open", PatientSession.recordings.any(of_it))
+    )
+    for table in OWNED:
+        db.execute(update(table).where(table.server == found[0].id).values(server=own))
+    db.execute(delete(Server).where(Server.id == found[0].id))
+    db.commit()
+    return int(left or 0)
+
+
+def _read(db: Session, which: ColumnElement[bool]) -> list[OtherServer]:
+    query = select(Server, _NOW - Server.seen < SILENT).where(which)
+    rows = db.execute(query.order_by(Server.name, Server.id)).all()
+    return [OtherServer(row.id, row.name, row.address, bool(answers)) for row, answers in rows]
+
+
+def _holds_files(folder: Path) -> bool:
+    """Whether a data folder has recordings or results of its own."""
+    return any(
+        path.is_file() for place in ("recordings", "results") for path in (folder / place).glob("*")
+    )

@@ -57,7 +57,7 @@ class Store:
         self.database.kw["bind"].dispose()
 
     def path_of(self, file: str) -> Path:
-        """Where a kept file is written, by its name in the database; nothing outside the folder. To read one: kept_files.at_hand."""
+        """Where a kept file is written, by its name in the database; nothing outside the folder. To read one: stored_files.fetch_local."""
         path = (self.folder / file).resolve()
         if not path.is_relative_to(self.folder.resolve()):
             raise InputError("store.path_outside", file=file)

@@ -78,7 +78,6 @@ def move_out(store: Store, cache_bytes: int) -> Round:
     moved, problem = 0, ""
     if store.server:
         with store.database() as db:
-            shared_servers.tell(db, store.server)
             _remove_erased_elsewhere(db, store)
     try:
         object_storage.require(store.away)
@@ -90,6 +89,15 @@ def move_out(store: Store, cache_bytes: int) -> Round:
         problem = str(why)
     with store.database() as db:
         return Round(moved, len(_list_closed(store)) + len(_list_erased(db)), problem)
+
+
+def _is_wanted(store: Store, file: str) -> bool:
+    """Whether a row still refers to the file."""
+    place, _, name = file.partition("/")
+    with store.database() as db:
+        if place == "results":
+            return db.get(Result, int(name.split(".")[0])) is not None
+        return db.scalar(select(RecordingFile.id).where(RecordingFile.file == file)) is not None
 
 
 def _require_here(store: Store, file: str) -> None:
@@ -126,6 +134,8 @@ def _remove_erased_elsewhere(db: Session, store: Store) -> None:
     numbers = [(path, path.name.split(".")[0]) for path in made]  # a file being written has none
     unknown += [path for path, number in numbers if number.isdecimal() and number not in results]
     for path in unknown:
+        db.merge(ErasedFile(file=f"{AWAY}{path.parent.name}/{path.name}"))
+        db.commit()
         path.unlink(missing_ok=True)
 
 
@@ -159,6 +169,9 @@ def _move_file(store: Store, file: str, sha256: str | None) -> bool:
             return False
         if object_storage.put(store.away, file, path) != (_sum_as_it_lies(path) or total):
             raise UnreachableError(phrase("storage.not_given_back", url=store.away.url))
+        if not _is_wanted(store, file):  # erased while it was brought there
+            object_storage.remove(store.away, file)
+            return False
         after = path.stat()
         if (before.st_mtime_ns, before.st_size) != (after.st_mtime_ns, after.st_size):
             return False
@@ -224,15 +237,18 @@ def _remove_erased(store: Store) -> None:
 
 def _shrink(store: Store, most: int) -> None:
     """Let go of what was not read for longest, until the cache is small enough and the disk has room to record."""
-    lying = sorted(
-        _files(store.folder / CACHE), key=lambda path: path.stat().st_atime_ns, reverse=True
-    )
-    cached_bytes = 0
-    for path in lying:
-        cached_bytes += path.stat().st_size
-        if cached_bytes > most or free_bytes(store.folder) < 2 * FREE:
-            with contextlib.suppress(OSError):  # Windows: somebody reads it
-                path.unlink()
+    lying = []
+    for path in _files(store.folder / CACHE):
+        with contextlib.suppress(FileNotFoundError):  # erased meanwhile
+            found = path.stat()
+            lying.append((found.st_atime_ns, found.st_size, path))
+    cached_bytes = sum(size for _, size, _ in lying)
+    for _, size, path in sorted(lying):
+        if cached_bytes <= most and free_bytes(store.folder) >= 2 * FREE:
+            return
+        with contextlib.suppress(OSError):  # Windows: somebody reads it
+            path.unlink()
+            cached_bytes -= size
 
 
 def _files(folder: Path) -> Iterator[Path]:

@@ -4,6 +4,7 @@ import { errorBox, once } from "../forms.js";
 import { dayAndTime, t } from "../words/words.js";
 
 const REPAIR_MS = 3000; // between two looks at a repair
+const ELSEWHERE_MS = 15000; // at what another server records
 
 export function mount(root, api) {
   let gone = false;
@@ -11,10 +12,14 @@ export function mount(root, api) {
   const show = (sessions) => {
     if (gone) return;
     root.replaceChildren(...sessions.map((session) => one(api, session, draw)));
-    if (sessions.some((session) => session.repairing || session.reading)) timer = setTimeout(draw, REPAIR_MS);
+    if (sessions.some((session) => session.repairing || session.reading)) again(REPAIR_MS);
+    else if (sessions.some((session) => session.elsewhere)) again(ELSEWHERE_MS);
   };
-  const draw = () =>
-    api.get("/api/sessions/unfinished").then(show, () => {}); // the list below says what is wrong
+  const again = (wait) => {
+    clearTimeout(timer);
+    timer = gone ? 0 : setTimeout(draw, wait);
+  };
+  const draw = () => api.get("/api/sessions/unfinished").then(show, () => again(ELSEWHERE_MS)); // the list below says what is wrong
   draw();
   return () => {
     gone = true;

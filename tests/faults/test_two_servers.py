@@ -22,7 +22,10 @@ def servers(tmp_path: Path) -> Iterator[tuple[ProgramVictim, ProgramVictim]]:
     with postgres.server() as url, object_store.server():
         away = f"s3://{object_store.BUCKET}/clinic"
         words = ("--database", url, "--recordings", away, "--shared")
-        one, two = (ProgramVictim(tmp_path / name / "data", {}, *words) for name in ("one", "two"))
+        one, two = (
+            ProgramVictim(tmp_path / name / "data", {}, *words, "--name", f"{name}.example.org")
+            for name in ("one", "two")
+        )
         with ExitStack() as stack:
             for server in (one, two):
                 server.data.mkdir(parents=True)
@@ -45,7 +48,9 @@ def test_a_session_outlives_its_server_and_is_seen_by_the_other(
         shown = wait_for(lambda: recorded(one, station) > SHOWN and recorded(one, station))
         (seen,) = two.call("GET", "/api/sessions/unfinished")
         assert (seen["id"], seen["station"]) == (session, None)
-        assert (seen["elsewhere"]["address"], seen["elsewhere"]["answers"]) == (one.base, True)
+        port = one.base.rpartition(":")[2]
+        assert seen["elsewhere"]["address"] == f"http://one.example.org:{port}"
+        assert seen["elsewhere"]["answers"]
         with pytest.raises(urllib.error.HTTPError) as refused:
             two.call("POST", f"/api/sessions/{session}/closing")
         assert b"finish it there" in refused.value.read()

@@ -64,7 +64,7 @@ OFFLINE = {"mcap", "numba", "numpy", "scipy.interpolate", "scipy.special", "vqf"
 FIGURES = OFFLINE | {"babel", "scipy.ndimage", "scipy.signal", "scipy.spatial"}
 SIMULATED = {"numba", "numpy", "scipy.interpolate", "scipy.optimize", "scipy.special"}
 MAY = {  # what each other verb may import; nothing heavy where it is not here
-    **dict.fromkeys(("account", "ward", "audit", "login", "backup", "restore"), OFFICE),
+    **dict.fromkeys(("account", "ward", "audit", "login", "servers", "backup", "restore"), OFFICE),
     "data-key": OFFICE | {"mcap"},
     **dict.fromkeys(("process", "info"), OFFLINE),
     **dict.fromkeys(("assess", "export"), FIGURES),

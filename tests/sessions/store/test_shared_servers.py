@@ -10,6 +10,7 @@ from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import patients, results
 from handscope.sessions.db.patientless_tables import ErasedFile, Server
 from handscope.sessions.db.tables import Result
+from handscope.sessions.files import object_storage
 from handscope.sessions.files.native import file_checksum
 from handscope.sessions.store import erasure, records, shared_servers, stored_files
 from handscope.sessions.store.database import connect, upgrade
@@ -158,6 +159,10 @@ def test_what_cannot_be_shared_is_refused(url: str, tmp_path: Path) -> None:
     open_store(tmp_path / "one", url, f"file://{tmp_path / 'away'}", "").close()
     with pytest.raises(InputError, match="not the object storage of the other servers"):
         open_store(tmp_path / "two", url, f"file://{tmp_path / 'elsewhere'}", "")
+    (tmp_path / "old" / "results").mkdir(parents=True)
+    (tmp_path / "old" / "results" / "1.npz").write_bytes(b"of another clinic's result 1")
+    with pytest.raises(InputError, match="begins with an empty"):
+        open_store(tmp_path / "old", url, f"file://{tmp_path / 'away'}", "")
     with pytest.raises(InputError, match="another data folder"):
         open_store(tmp_path / "three", url, f"file://{tmp_path / 'away'}")
 
@@ -210,6 +215,42 @@ def test_a_server_that_is_silent_for_a_minute_does_not_answer(
         db.get_one(Server, two.server).seen -= timedelta(minutes=2)
         db.commit()
         assert [o.answers for o in shared_servers.list_others(db, one.server)] == [False]
-        stored_files.move_out(two, ROOM)
-        db.expire_all()
+        shared_servers.record_heartbeat(db, two.server)
         assert [o.answers for o in shared_servers.list_others(db, one.server)] == [True]
+
+
+def test_what_a_lost_server_left_open_is_anothers_once_it_is_retired(
+    stores: tuple[Store, Store],
+) -> None:
+    one, two = stores
+    _, session = recorded(two, "P-1", closed=False)
+    with one.database() as db:
+        name = db.get_one(Server, two.server).name
+        with pytest.raises(InputError, match="answers; stop it"):
+            shared_servers.retire(db, name, one.server)
+        db.get_one(Server, two.server).seen -= timedelta(minutes=2)
+        db.commit()
+        with pytest.raises(InputError, match="0 other servers are called nobody"):
+            shared_servers.retire(db, "nobody", one.server)
+        assert shared_servers.retire(db, name, one.server) == 1
+        assert [s.id for s in records.list_abandoned(db, one.server)] == [session]
+        assert shared_servers.list_others(db, one.server) == []
+    assert records.close(one.database(), one, session).state == "failed"
+
+
+def test_a_file_that_is_erased_while_it_is_moved_does_not_stay_in_the_storage(
+    stores: tuple[Store, Store], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, two = stores
+    patient, _ = recorded(one, "P-1", closed=True)
+    put = object_storage.put
+
+    def erase_meanwhile(*given: object) -> str:
+        with two.database() as db:
+            erasure.erase(db, two, patient, "P-1")
+        stored_files.move_out(two, ROOM)
+        return put(*given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(object_storage, "put", erase_meanwhile)
+    stored_files.move_out(one, ROOM)
+    assert [p for p in (tmp_path / "away").rglob("*.mcap") if p.is_file()] == []
