@@ -203,7 +203,8 @@ def test_curves_and_reports_are_computed_anew_from_the_kept_recordings(
     with observed.served(tmp_path) as client:
         now = through_json(observed.read_data_folder(client))
     assert kept
-    assert_close(now, EXPECTED["data"], atol=0.02)  # deg: ekf's default pose_sd is another since
+    # deg, of curves rounded to 0.01: ekf's default pose_sd is another since
+    assert_close(now, EXPECTED["data"], atol=0.025)
 
 
 def test_options_of_a_kept_result_are_still_accepted(folder: Path) -> None:
