@@ -39,6 +39,7 @@ OPEN = {
     "/api/login/second",
     "/api/login/second-factors",
     "/api/health",
+    "/api/patient-view",  # a patient's screen: a code that is valid once
 }  # without a login
 TYPED = "zinnober"  # stands wherever a person typed something about the patient
 FEW = {"POST /api/patients/{patient_id}/sessions": 2}  # each starts a process
