@@ -1,9 +1,8 @@
 """`handscope servers`: the servers that share a database, and one that never comes back retired."""
 
 import argparse
-from pathlib import Path
 
-from handscope.app.commands.words import database_url, default_data, say
+from handscope.app.commands.words import add_store, say
 from handscope.estimators.errors import InputError
 from handscope.sessions.store import shared_servers
 from handscope.sessions.store.store import store_at
@@ -11,19 +10,7 @@ from handscope.sessions.store.store import store_at
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
-    parser.add_argument(
-        "--data",
-        type=Path,
-        default=default_data(),
-        metavar="DIR",
-        help="data folder of one of them (%(default)s)",
-    )
-    parser.add_argument(
-        "--database",
-        default=database_url(),
-        metavar="URL",
-        help="the database that they share (HANDSCOPE_DATABASE)",
-    )
+    add_store(parser)
     parser.add_argument(
         "--retire",
         metavar="NAME",
