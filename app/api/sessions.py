@@ -2,7 +2,7 @@
 
 import os
 import tempfile
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any, BinaryIO, Literal
@@ -384,17 +384,7 @@ def recomputed(
     db: Db, parts: Parts, file: RecordingFile, before: Sequence[Result]
 ) -> list[dict[str, int]]:
     """For each earlier result the one that replaces it."""
-    pairs = [
-        (
-            old,
-            results.find_matching(
-                *(db, file, old.method, old.parameters, software_version(), parts.store.server)
-            ),
-        )
-        for old in before
-    ]
-    for _, result in pairs:
-        _process(parts, result)
+    pairs = [(old, _wanted(db, parts, file, old.method, old.parameters)) for old in before]
     return [{"before": old.id, "now": result.id} for old, result in pairs]
 
 
@@ -408,17 +398,18 @@ def _queue(
     if method not in ALL_METHODS:
         raise InputError("analysis.unknown_method", name=method, methods=", ".join(ALL_METHODS))
     changed = changed_options(with_options(ALL_METHODS[method].Params, options))
-    result = results.find_matching(
-        db, closed[-1], method, changed, software_version(), parts.store.server
-    )
-    _process(parts, result)
-    return result
+    return _wanted(db, parts, closed[-1], method, changed)
 
 
-def _process(parts: Parts, result: Result) -> None:
-    """Compute a result that is queued here; what another server has queued, that one computes."""
-    if result.state == "queued" and parts.store.server in ("", result.server):
+def _wanted(
+    db: Db, parts: Parts, file: RecordingFile, method: str, parameters: Mapping[str, Any]
+) -> Result:
+    """The result, computed here where it is not there yet; what another server has queued, that one computes."""
+    own = parts.store.server
+    result = results.find_matching(db, file, method, parameters, software_version(), own)
+    if result.state == "queued" and own in ("", result.server):
         parts.jobs.process(result.id)
+    return result
 
 
 async def receive(file: UploadFile, parts: Parts, target: BinaryIO) -> None:
