@@ -91,12 +91,18 @@ def move_out(store: Store, cache_bytes: int) -> Round:
         return Round(moved, len(_list_closed(store)) + len(_list_erased(db)), problem)
 
 
+def _result_number(path: Path) -> int | None:
+    """Which result a file is of, `results/7.npz`; None for a recording, and for a file that is being written."""
+    number = path.name.split(".")[0]
+    return int(number) if path.parent.name == "results" and number.isdecimal() else None
+
+
 def _is_wanted(store: Store, file: str) -> bool:
     """Whether a row still refers to the file."""
-    place, _, name = file.partition("/")
+    number = _result_number(Path(file))
     with store.database() as db:
-        if place == "results":
-            return db.get(Result, int(name.split(".")[0])) is not None
+        if number is not None:
+            return db.get(Result, number) is not None
         return db.scalar(select(RecordingFile.id).where(RecordingFile.file == file)) is not None
 
 
@@ -104,12 +110,11 @@ def _require_here(store: Store, file: str) -> None:
     """InputError where another server has a file that is not in the object storage yet."""
     if not store.server:
         return
-    place, _, name = file.partition("/")
-    number = name.split(".")[0]
+    number = _result_number(Path(file))
     with store.database() as db:
         holder = (
-            db.scalar(select(Result.server).where(Result.id == int(number)))
-            if place == "results" and number.isdecimal()
+            db.scalar(select(Result.server).where(Result.id == number))
+            if number is not None
             else db.scalar(select(RecordingFile.server).where(RecordingFile.file == file))
         )
         other = shared_servers.find_other(db, holder or "", store.server)
@@ -129,10 +134,9 @@ def _remove_erased_elsewhere(db: Session, store: Store) -> None:
     copies = list(_files(store.folder / CACHE / "recordings"))
     made = [*_files(store.folder / CACHE / "results"), *_files(store.folder / "results")]
     known = set(db.scalars(select(RecordingFile.file))) if copies else set()
-    results = set(map(str, db.scalars(select(Result.id)))) if made else set()
+    results = {*db.scalars(select(Result.id)), None} if made else set()
     unknown = [path for path in copies if f"recordings/{path.name}" not in known]
-    numbers = [(path, path.name.split(".")[0]) for path in made]  # a file being written has none
-    unknown += [path for path, number in numbers if number.isdecimal() and number not in results]
+    unknown += [path for path in made if _result_number(path) not in results]
     for path in unknown:
         db.merge(ErasedFile(file=f"{AWAY}{path.parent.name}/{path.name}"))
         db.commit()
@@ -196,9 +200,9 @@ def _list_closed(store: Store) -> list[tuple[str, str | None]]:
         {path.name for path in store.recordings.iterdir()} if store.recordings.is_dir() else set()
     )
     results = [
-        path
+        (path.name, number)
         for path in (store.folder / "results").glob("*.npz")
-        if path.name.split(".")[0].isdecimal()
+        if (number := _result_number(path)) is not None
     ]
     with store.database() as db:
         query = select(RecordingFile.file, RecordingFile.sha256).where(
@@ -212,11 +216,7 @@ def _list_closed(store: Store) -> list[tuple[str, str | None]]:
         )
     return [
         *found,
-        *(
-            (f"results/{path.name}", None)
-            for path in sorted(results)
-            if int(path.name.split(".")[0]) in done
-        ),
+        *((f"results/{name}", None) for name, number in sorted(results) if number in done),
     ]
 
 
