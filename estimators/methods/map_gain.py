@@ -17,6 +17,7 @@ from handscope.estimators.data.findings import whole_streams
 from handscope.estimators.data.samples import Block, Recording
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import CHAINS, FLEXION, JOINT, SEGMENT
+from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.self_calibration import observability, sample_preparation
 from handscope.estimators.self_calibration.observability import AccumulatedInformation, Limb
@@ -62,11 +63,7 @@ def _gains(
     rows: Trajectory,
     blocks: Sequence[Block],
 ) -> bool:
-    limb = observability.build_limb(finger, sorted(worn), recording.geometry, calibration.q_BS)
-    if silent := silent_sensors(limb, blocks):
-        limb = observability.build_limb(
-            finger, sorted(worn - set(silent)), recording.geometry, calibration.q_BS
-        )
+    limb = limb_of(finger, worn, recording.geometry, calibration, blocks)
     if not limb.links.joints:
         return False
     so_far = observability.no_information(limb)
@@ -93,7 +90,21 @@ def _gains(
     )
 
 
-def silent_sensors(limb: Limb, blocks: Sequence[Block]) -> tuple[str, ...]:
+def limb_of(
+    finger: str,
+    worn: set[str],
+    geometry: HandGeometry,
+    calibration: Calibration,
+    blocks: Sequence[Block],
+) -> Limb:
+    """The finger with the worn sensors that self-calibration uses: without silent ones, and without those behind the first of them."""
+    limb = observability.build_limb(finger, sorted(worn), geometry, calibration.q_BS)
+    if not (silent := _silent_sensors(limb, blocks)):
+        return limb
+    return observability.build_limb(finger, sorted(worn - set(silent)), geometry, calibration.q_BS)
+
+
+def _silent_sensors(limb: Limb, blocks: Sequence[Block]) -> tuple[str, ...]:
     """Which of the limb's sensors give less than half of their samples, and those behind the first of them."""
     return sample_preparation.drop_silent_sensors(blocks, limb.links, -np.inf, np.inf)[1]
 
@@ -104,7 +115,7 @@ def accumulate_stretch(
     """Information that a stretch gives about a finger; None where a sensor is silent or has no orientation."""
     own = [b for b in blocks if set(b.stream.sensors) & set(limb.links.sensors)]
     sensors = {s for b in own for s in b.stream.sensors}
-    if not len(rows) or not sensors >= set(limb.links.sensors) or silent_sensors(limb, own):
+    if not len(rows) or not sensors >= set(limb.links.sensors) or _silent_sensors(limb, own):
         return None
     t, read = sample_preparation.prepare_readings(
         own, limb.links.sensors, max(b.t[0] for b in own), min(b.t[-1] for b in own)

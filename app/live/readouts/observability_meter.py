@@ -95,18 +95,7 @@ class FreeMeter:
         worn = {s for b in blocks for s in b.stream.sensors}
         for finger, links in CHAINS.items():
             if finger not in self._fingers and {"hand", links[0]} <= worn:
-                limb = observability.build_limb(
-                    finger, sorted(worn), self._tracking.geometry, calibration.q_BS
-                )
-                if silent := map_gain.silent_sensors(
-                    limb, blocks
-                ):  # self-calibration leaves them out, too
-                    limb = observability.build_limb(
-                        finger,
-                        sorted(worn - set(silent)),
-                        self._tracking.geometry,
-                        calibration.q_BS,
-                    )
+                limb = map_gain.limb_of(finger, worn, self._tracking.geometry, calibration, blocks)
                 if limb.links.joints:
                     self._fingers[finger] = limb, observability.no_information(limb)
         flexion, observed = np.concatenate(self._flexion), list[JointObservability]()
