@@ -26,11 +26,13 @@ def _gyroscope(
     return spoil
 
 
-def _signed(size: float, axis: int) -> Array:
+def negated_axis(axis: int) -> Array:
+    """The matrix (3, 3) that changes the sign of one axis."""
     return np.asarray(np.eye(3) - 2 * np.diag(np.eye(3)[axis]))
 
 
-def _exchanged(size: float, axis: int) -> Array:
+def exchanged_axes(axis: int) -> Array:
+    """The matrix (3, 3) that exchanges two axes, three pairs by number."""
     return np.asarray(np.eye(3)[list(((1, 0, 2), (2, 1, 0), (0, 2, 1))[axis])])
 
 
@@ -51,10 +53,22 @@ def _late(cells: Cells, size: float, axis: int) -> Cells:
 
 
 OF_SENSOR: Mapping[str, tuple[Callable[[Cells, float, int], Cells], tuple[float, ...], str]] = {
-    "sign of one gyroscope axis": (_gyroscope(_signed), (1.0,), "gyroscope_sign"),
-    "sign of one axis, second half": (_gyroscope(_signed, 0.5), (1.0,), "gyroscope_sign"),
+    "sign of one gyroscope axis": (
+        _gyroscope(lambda _, axis: negated_axis(axis)),
+        (1.0,),
+        "gyroscope_sign",
+    ),
+    "sign of one axis, second half": (
+        _gyroscope(lambda _, axis: negated_axis(axis), 0.5),
+        (1.0,),
+        "gyroscope_sign",
+    ),
     "gyroscope negated": (_gyroscope(lambda size, axis: -np.eye(3)), (1.0,), "gyroscope_negated"),
-    "two gyroscope axes exchanged": (_gyroscope(_exchanged), (1.0,), "gyroscope_exchange"),
+    "two gyroscope axes exchanged": (
+        _gyroscope(lambda _, axis: exchanged_axes(axis)),
+        (1.0,),
+        "gyroscope_exchange",
+    ),
     "gyroscope in deg/s": (
         _gyroscope(lambda size, axis: np.degrees(np.eye(3))),
         (1.0,),
@@ -118,7 +132,7 @@ OF_FILE: Mapping[
     "rate told too low, %": (retimed, (3.0, 6.0, 11.0, 25.0, 100.0), "rate"),
     "rows dropped, s": (without_rows, (0.05, 0.1, 0.3, 1.5), "lost_rows"),
     "all sensors frozen, s": (held, (0.1, 0.15, 1.5), "frozen"),
-    "one axis of all gyroscopes": (partial(_all, GYR, _signed(1.0, 1)), (1.0,), "gyroscope_sign"),
+    "one axis of all gyroscopes": (partial(_all, GYR, negated_axis(1)), (1.0,), "gyroscope_sign"),
     "all gyroscopes negated": (partial(_all, GYR, -np.eye(3)), (1.0,), "gyroscope_negated"),
     "all gyroscopes in deg/s": (
         partial(_all, GYR, np.degrees(np.eye(3))),

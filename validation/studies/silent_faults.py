@@ -28,6 +28,7 @@ from handscope.validation.reproduce.accuracy import angle_difference
 from handscope.validation.reproduce.finding import Finding, Row, Table, Verdict, spread
 from handscope.validation.studies import crosschecks, injected_faults
 from handscope.validation.studies.crosschecks import COSTLY, Made
+from handscope.validation.studies.injected_faults import exchanged_axes, negated_axis
 
 FIRST_SEED = 3000  # of people whom no other study asks
 SECONDS = 24.0
@@ -127,22 +128,14 @@ def _neighbour(finger: str, by: int) -> str:
     return others[(others.index(finger) + by) % len(others)]
 
 
-def _negated(axis: int) -> Array:
-    return np.asarray(np.eye(3) - 2 * np.diag(np.eye(3)[axis]))
-
-
-def _swapped(axis: int) -> Array:
-    return np.asarray(np.eye(3)[list(((1, 0, 2), (2, 1, 0), (0, 2, 1))[axis])])
-
-
 def _whole_fingers(c: Choice, by: int) -> list[tuple[str, ...]]:
     return list(zip(CHAINS[c.finger], CHAINS[_neighbour(c.finger, by)]))
 
 
 FAULTS: Mapping[str, tuple[Fault, bool]] = {  # and whether all of the hand is at fault
-    "one axis' sign": (lambda m, c: _gyroscopes(_negated(c.axis), m, [c.sensor]), False),
+    "one axis' sign": (lambda m, c: _gyroscopes(negated_axis(c.axis), m, [c.sensor]), False),
     "one axis' sign, second half": (
-        lambda m, c: _gyroscopes(_negated(c.axis), m, [c.sensor], c.half),
+        lambda m, c: _gyroscopes(negated_axis(c.axis), m, [c.sensor], c.half),
         False,
     ),
     "one gyroscope negated": (lambda m, c: _gyroscopes(-np.eye(3), m, [c.sensor]), False),
@@ -151,7 +144,7 @@ FAULTS: Mapping[str, tuple[Fault, bool]] = {  # and whether all of the hand is a
         False,
     ),
     "all gyroscopes negated": (lambda m, c: _gyroscopes(-np.eye(3), m, None), True),
-    "one axis of all gyroscopes": (lambda m, c: _gyroscopes(_negated(c.axis), m, None), True),
+    "one axis of all gyroscopes": (lambda m, c: _gyroscopes(negated_axis(c.axis), m, None), True),
     "all in rad/s, told as deg/s": (lambda m, c: _gyroscopes(np.radians(np.eye(3)), m, None), True),
     "one in rad/s, told as deg/s": (
         lambda m, c: _gyroscopes(np.radians(np.eye(3)), m, [c.sensor]),
@@ -163,9 +156,9 @@ FAULTS: Mapping[str, tuple[Fault, bool]] = {  # and whether all of the hand is a
         lambda m, c: _gyroscopes(1.3 * np.eye(3), m, [c.sensor], c.half),
         False,
     ),
-    "two axes exchanged": (lambda m, c: _gyroscopes(_swapped(c.axis), m, [c.sensor]), False),
+    "two axes exchanged": (lambda m, c: _gyroscopes(exchanged_axes(c.axis), m, [c.sensor]), False),
     "two axes exchanged, second half": (
-        lambda m, c: _gyroscopes(_swapped(c.axis), m, [c.sensor], c.half),
+        lambda m, c: _gyroscopes(exchanged_axes(c.axis), m, [c.sensor], c.half),
         False,
     ),
     "middle and distal exchanged": (lambda m, c: _exchanged([CHAINS[c.finger][1:]], m), False),
