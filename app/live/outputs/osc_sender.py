@@ -21,7 +21,6 @@ from handscope.estimators.messages.sentence import phrase
 INTERVAL = 1 / 60  # s, least time between two poses
 PACKET = 1400  # bytes of a bundle at most, below the 1500 of an Ethernet frame
 MISSING = phrase("live.osc_missing")
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 class OscSender:
