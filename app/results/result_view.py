@@ -118,7 +118,8 @@ def _trust(
     """Whether the figures can be trusted, by the rules of app/results/trust.py."""
     rows = [(f["task"], _stored_figure(f)) for f in figures if not f.get("detail")]
     titles = {task: _title({"task": task}, protocols.get(task), language) for task, _ in rows}
-    calibrated = bool((content.get("calibration") or {}).get("quality"))
+    posed = bool((content.get("calibration") or {}).get("quality"))
+    calibrated = posed or bool(content.get("self_calibration"))
     drifts = [Drift(**d) for d in content.get("drift", ())]
     measured = [(f["task"], f["measure"], _stored_figure(f)) for f in figures]
     asks_hand = resembles_other_hand(measured, changes, compared)

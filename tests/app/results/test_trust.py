@@ -1,8 +1,11 @@
 """Can I trust these numbers: the answer follows from written rules."""
 
+from dataclasses import asdict
+
 import pytest
 
 from handscope.app.language import languages
+from handscope.app.results.result_view import readings
 from handscope.app.results.trust import judge_trust, trust_payload
 from handscope.estimators.measures.figure import Figure, Grade
 from handscope.estimators.measures.resting_drift import Drift
@@ -67,3 +70,12 @@ def test_what_drifts_at_rest_is_told_with_its_size_and_what_to_do() -> None:
     assert told["answer"] == "mostly"
     assert all(part in told["reasons"][0] for part in ("index", "60 mm", "67 mm", "8.0 min"))
     assert "pose again" in told["todo"][0]
+
+
+@pytest.mark.parametrize(("found", "answer"), [({"table": {}}, "yes"), (None, "no")])
+def test_a_hand_that_calibrated_itself_without_a_pose_is_calibrated(
+    found: dict[str, dict[str, float]] | None, answer: str
+) -> None:
+    rows = [asdict(figure()) | {"task": "rom_spread", "measure": "range_of_motion"}]
+    content = {"calibration": {"quality": {}, "source": "free"}, "self_calibration": found}
+    assert readings(content, rows, {}, EN)["trust"]["answer"] == answer
