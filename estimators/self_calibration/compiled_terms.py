@@ -1,6 +1,6 @@
-"""Derivatives of the residuals that meet every sample, as compiled loops: most of them are blocks of 3 x 3 in a matrix of zeros.
+"""Derivatives of the residuals of every sample, as compiled loops: most of them are blocks of 3 x 3 in a matrix of zeros.
 
-In      rotations, readings, displacements of sensors by skin, sample by sample; whose formulas these are stands in residuals.py
+In      rotations, readings, displacements of sensors by skin, sample by sample; the formulas and their sources stand in residuals.py
 Out     arrays of residuals' derivatives, filled
 """
 
@@ -17,7 +17,7 @@ KNOTS = 3  # samples that a joint's acceleration touches
 
 
 class Tree(NamedTuple):
-    """Who hangs on whom."""
+    """The tree of joints: sensors on either side of each."""
 
     parents: Indices  # (J,) rows of sensors
     children: Indices  # (J,)
@@ -38,7 +38,7 @@ class Motion(NamedTuple):
 
 
 class Arms(NamedTuple):
-    """What a joint sees of the sensors on either side."""
+    """Places of a joint from the sensors on either side, and how skin moves the child's sensor."""
 
     far: Array  # (J, 3) m
     near: Array  # (J, 3)
@@ -57,7 +57,7 @@ class Axes(NamedTuple):
 
 
 class Turns(NamedTuple):
-    """What gyroscopes read between samples."""
+    """Rotations between samples: of the state, and by the gyroscopes."""
 
     q_GS: Array  # (T + 1, S, 4)
     read: Array  # (T, S, 3) rad
@@ -69,9 +69,9 @@ class Turns(NamedTuple):
 
 @looped
 def fill_turns(turns: Turns, r: Array, by_turns: Array, by_parameters: Array) -> None:
-    """Residuals (T, S, 3) of gyroscopes and their derivatives (T, S, 3, 2, S, 3), (T, S, 3, 12 S + 1), in standard deviations; zeros stay.
+    """Residuals (T, S, 3) of gyroscopes and their derivatives (T, S, 3, 2, S, 3), (T, S, 3, 12 S + 1), in standard deviations; elements that are always zero are not written.
 
-    Without derivatives where there is no room for them.
+    An empty `by_turns` asks for the residuals alone.
     """
     q_ab, q_off, q_turn, v = np.empty(4), np.empty(4), np.empty(4), np.empty(3)
     R, left, right, J = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
@@ -139,12 +139,17 @@ def fill_hinges(
     by_turns: Array,
     by_parameters: Array,
 ) -> None:
-    """Residuals (T, H, 3) of hinges and their derivatives (T, H, 3, S, 3), (T, H, 3, 4 H + 6 J), in standard deviations; zeros stay.
+    """Residuals (T, H, 3) of hinges and their derivatives (T, H, 3, S, 3), (T, H, 3, 4 H + 6 J), in standard deviations; elements that are always zero are not written.
 
-    Without derivatives where there is no room for them.
+    An empty `by_turns` asks for the residuals alone.
     """
     H, J = axes.joints.shape[0], tree.parents.shape[0]
-    seen, moved, carried, turned = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty((3, 3))
+    axis_now, moved, axis_by_tilt, turned = (
+        np.empty(3),
+        np.empty(3),
+        np.empty((3, 3)),
+        np.empty((3, 3)),
+    )
     for t in range(r.shape[0]):
         for h in range(H):
             for side in range(2):
@@ -155,23 +160,23 @@ def fill_hinges(
                     along, own = axes.near_tangents[h], 2 * H + 2 * h
                 R, back = motion.R[t, s], motion.back[t, s]
                 for i in range(3):
-                    seen[i] = back[i, 0] * axis[0] + back[i, 1] * axis[1] + back[i, 2] * axis[2]
+                    axis_now[i] = back[i, 0] * axis[0] + back[i, 1] * axis[1] + back[i, 2] * axis[2]
                 for i in range(3):
                     u, v, w = sign * R[i, 0], sign * R[i, 1], sign * R[i, 2]
                     before = r[t, h, i] if side else 0.0
-                    r[t, h, i] = before + u * seen[0] + v * seen[1] + w * seen[2]
+                    r[t, h, i] = before + u * axis_now[0] + v * axis_now[1] + w * axis_now[2]
                     if by_turns.shape[0] == 0:
                         continue
-                    by_turns[t, h, i, s, 0] = w * seen[1] - v * seen[2]
-                    by_turns[t, h, i, s, 1] = u * seen[2] - w * seen[0]
-                    by_turns[t, h, i, s, 2] = v * seen[0] - u * seen[1]
+                    by_turns[t, h, i, s, 0] = w * axis_now[1] - v * axis_now[2]
+                    by_turns[t, h, i, s, 1] = u * axis_now[2] - w * axis_now[0]
+                    by_turns[t, h, i, s, 2] = v * axis_now[0] - u * axis_now[1]
                     for j in range(3):
-                        carried[i, j] = u * back[0, j] + v * back[1, j] + w * back[2, j]
+                        axis_by_tilt[i, j] = u * back[0, j] + v * back[1, j] + w * back[2, j]
                     for j in range(2):
                         by_parameters[t, h, i, own + j] = (
-                            carried[i, 0] * along[0, j]
-                            + carried[i, 1] * along[1, j]
-                            + carried[i, 2] * along[2, j]
+                            axis_by_tilt[i, 0] * along[0, j]
+                            + axis_by_tilt[i, 1] * along[1, j]
+                            + axis_by_tilt[i, 2] * along[2, j]
                         )
                 m = tree.before[s]
                 if m < 0 or by_turns.shape[0] == 0:
@@ -190,7 +195,11 @@ def fill_hinges(
                 moved[1] = skin_turn[m, 2] * axis[0] - skin_turn[m, 0] * axis[2]
                 moved[2] = skin_turn[m, 0] * axis[1] - skin_turn[m, 1] * axis[0]
                 for i in range(3):
-                    u, v, w = carried[i, 0], carried[i, 1], carried[i, 2]
+                    u, v, w = (
+                        axis_by_tilt[i, 0],
+                        axis_by_tilt[i, 1],
+                        axis_by_tilt[i, 2],
+                    )
                     for j in range(3):
                         by_parameters[t, h, i, 4 * H + 3 * m + j] = bent * (
                             u * turned[0, j] + v * turned[1, j] + w * turned[2, j]
@@ -213,25 +222,34 @@ def fill_joint_accelerations(
     by_turns: Array,
     by_parameters: Array,
 ) -> None:
-    """Derivatives (T, J, 3, KNOTS, S, 3) and (T, J, 3, 15 J + 12 S), whitened by (T, J, J), of each joint's acceleration seen from both sides.
+    """Derivatives (T, J, 3, KNOTS, S, 3) and (T, J, 3, 15 J + 12 S), whitened by (T, J, J), of the difference of each joint's acceleration between parent and child.
 
     `weights` (2, KNOTS): of three samples in a second difference, and in the mean of accelerations.
     """
     J, S = white.shape[1], motion.R.shape[1]
     count, scratch = 15 * J + 12 * S, np.empty((4, 3, 3))
     turns, parameters = np.zeros((J, 3, KNOTS * S * 3)), np.zeros((J, 3, count))
-    placed = np.empty((KNOTS, 2 * J, 3, 3))  # of three samples: by the turn of a side's sensor
-    carried = np.empty((KNOTS, 2 * J, 3, 12))  # by arm, skin's turn and slide, tilt and law
-    pulled, felt = np.empty((KNOTS, S, 3, 3)), np.empty((KNOTS, S, 3, 12))  # of a sensor
+    place_by_turn = np.empty(
+        (KNOTS, 2 * J, 3, 3)
+    )  # of three samples: by the turn of a side's sensor
+    place_by_parameters = np.empty(
+        (KNOTS, 2 * J, 3, 12)
+    )  # by arm, skin's turn and slide, tilt and law
+    force_by_turn, force_by_errors = (
+        np.empty((KNOTS, S, 3, 3)),
+        np.empty((KNOTS, S, 3, 12)),
+    )  # of a sensor
     for sample in range(motion.R.shape[0]):
         ring = sample % KNOTS
         for s in range(S):
-            _fill_sensor(sample, s, motion, pulled[ring, s], felt[ring, s])
+            _fill_force_derivatives(
+                sample, s, motion, force_by_turn[ring, s], force_by_errors[ring, s]
+            )
         for k in range(J):
             for side in range(2):
                 s = tree.parents[k] if side else tree.children[k]
                 arm = arms.far[k] if side else arms.near[k]
-                _fill_side(
+                _fill_place_derivatives(
                     sample,
                     s,
                     tree.before[s],
@@ -239,7 +257,7 @@ def fill_joint_accelerations(
                     arm,
                     arms,
                     scratch,
-                    (placed[ring, 2 * k + side], carried[ring, 2 * k + side]),
+                    (place_by_turn[ring, 2 * k + side], place_by_parameters[ring, 2 * k + side]),
                 )
         t = sample - KNOTS + 1
         if t < 0:
@@ -261,14 +279,15 @@ def fill_joint_accelerations(
                     for i in range(3):
                         for j in range(3):
                             turns[k, i, column + j] = -(
-                                a * placed[ring, 2 * k + side, i, j] + b * pulled[ring, s, i, j]
+                                a * place_by_turn[ring, 2 * k + side, i, j]
+                                + b * force_by_turn[ring, s, i, j]
                             )
                     _add_columns(
                         (k, s, place, tree.before[s]),
                         a,
-                        carried[ring, 2 * k + side],
+                        place_by_parameters[ring, 2 * k + side],
                         b,
-                        felt[ring, s],
+                        force_by_errors[ring, s],
                         parameters,
                     )
         for k in range(J):
@@ -277,23 +296,25 @@ def fill_joint_accelerations(
 
 
 @inlined
-def _fill_sensor(sample: int, s: int, motion: Motion, pulled: Array, felt: Array) -> None:
+def _fill_force_derivatives(
+    sample: int, s: int, motion: Motion, force_by_turn: Array, force_by_errors: Array
+) -> None:
     """R [f]x (3, 3), and the derivatives (3, 12) of a specific force by bias and scale, but for their sign."""
     R, f, read = motion.R, motion.force, motion.read
     for i in range(3):
         x, y, z = R[sample, s, i, 0], R[sample, s, i, 1], R[sample, s, i, 2]
-        pulled[i, 0] = y * f[sample, s, 2] - z * f[sample, s, 1]
-        pulled[i, 1] = z * f[sample, s, 0] - x * f[sample, s, 2]
-        pulled[i, 2] = x * f[sample, s, 1] - y * f[sample, s, 0]
-        felt[i, 0], felt[i, 1], felt[i, 2] = x, y, z
+        force_by_turn[i, 0] = y * f[sample, s, 2] - z * f[sample, s, 1]
+        force_by_turn[i, 1] = z * f[sample, s, 0] - x * f[sample, s, 2]
+        force_by_turn[i, 2] = x * f[sample, s, 1] - y * f[sample, s, 0]
+        force_by_errors[i, 0], force_by_errors[i, 1], force_by_errors[i, 2] = x, y, z
         for c in range(3):
-            felt[i, 3 + c] = x * read[sample, s, c]
-            felt[i, 6 + c] = y * read[sample, s, c]
-            felt[i, 9 + c] = z * read[sample, s, c]
+            force_by_errors[i, 3 + c] = x * read[sample, s, c]
+            force_by_errors[i, 6 + c] = y * read[sample, s, c]
+            force_by_errors[i, 9 + c] = z * read[sample, s, c]
 
 
 @inlined
-def _fill_side(
+def _fill_place_derivatives(
     sample: int,
     s: int,
     m: int,
@@ -303,8 +324,8 @@ def _fill_side(
     scratch: Array,
     filled: tuple[Array, Array],
 ) -> None:
-    """R [p]x (3, 3) of the place p where a sensor sees a joint, and that place's derivatives (3, 12) in the global frame."""
-    placed, carried = filled
+    """R [p]x (3, 3) of the place p of a joint in a sensor's frame, and that place's derivatives (3, 12) in the global frame."""
+    place_by_turn, place_by_parameters = filled
     R, back = motion.R, motion.back
     x, y, z = (
         arm[0] - motion.slide[sample, s, 0],
@@ -316,11 +337,11 @@ def _fill_side(
         seen[i] = back[sample, s, i, 0] * x + back[sample, s, i, 1] * y + back[sample, s, i, 2] * z
     for i in range(3):
         u, v, w = R[sample, s, i, 0], R[sample, s, i, 1], R[sample, s, i, 2]
-        placed[i, 0] = v * seen[2] - w * seen[1]
-        placed[i, 1] = w * seen[0] - u * seen[2]
-        placed[i, 2] = u * seen[1] - v * seen[0]
+        place_by_turn[i, 0] = v * seen[2] - w * seen[1]
+        place_by_turn[i, 1] = w * seen[0] - u * seen[2]
+        place_by_turn[i, 2] = u * seen[1] - v * seen[0]
         for j in range(3):
-            carried[i, j] = (
+            place_by_parameters[i, j] = (
                 u * back[sample, s, 0, j] + v * back[sample, s, 1, j] + w * back[sample, s, 2, j]
             )
     if m < 0:
@@ -334,24 +355,24 @@ def _fill_side(
     moved[1] = turn[m, 2] * x - turn[m, 0] * z + slide[m, 1]
     moved[2] = turn[m, 0] * y - turn[m, 1] * x + slide[m, 2]
     for i in range(3):
-        u, v, w = carried[i, 0], carried[i, 1], carried[i, 2]
+        u, v, w = place_by_parameters[i, 0], place_by_parameters[i, 1], place_by_parameters[i, 2]
         for j in range(3):
-            carried[i, 3 + j] = bent * (
+            place_by_parameters[i, 3 + j] = bent * (
                 u * scratch[1, 0, j] + v * scratch[1, 1, j] + w * scratch[1, 2, j]
             )
-            carried[i, 6 + j] = -bent * carried[i, j]
+            place_by_parameters[i, 6 + j] = -bent * place_by_parameters[i, j]
         by_bent = -(u * moved[0] + v * moved[1] + w * moved[2])
         for j in range(3):
-            carried[i, 9 + j] = by_bent * motion.by_bending[sample, m, j]
+            place_by_parameters[i, 9 + j] = by_bent * motion.by_bending[sample, m, j]
 
 
 @inlined
 def _add_columns(
     own: tuple[int, int, int, int],
     a: float,
-    carried: Array,
+    place_by_parameters: Array,
     b: float,
-    felt: Array,
+    force_by_errors: Array,
     parameters: Array,
 ) -> None:
     """One sample's share in the derivatives of joint k, seen by sensor s that skin moves with joint m, by parameters, in place."""
@@ -361,17 +382,17 @@ def _add_columns(
     bias, scale = 15 * J + 3 * s, 15 * J + 3 * S + 9 * s
     for i in range(3):
         for j in range(3):
-            parameters[k, i, place + j] += a * carried[i, j]
-            parameters[k, i, bias + j] -= b * felt[i, j]
+            parameters[k, i, place + j] += a * place_by_parameters[i, j]
+            parameters[k, i, bias + j] -= b * force_by_errors[i, j]
         for j in range(9):
-            parameters[k, i, scale + j] += b * felt[i, 3 + j]
+            parameters[k, i, scale + j] += b * force_by_errors[i, 3 + j]
         if m >= 0:
             for j in range(3):
-                parameters[k, i, 6 * J + 3 * m + j] += a * carried[i, 3 + j]
-                parameters[k, i, 9 * J + 3 * m + j] += a * carried[i, 6 + j]
+                parameters[k, i, 6 * J + 3 * m + j] += a * place_by_parameters[i, 3 + j]
+                parameters[k, i, 9 * J + 3 * m + j] += a * place_by_parameters[i, 6 + j]
             for j in range(2):
-                parameters[k, i, 12 * J + 2 * m + j] += a * carried[i, 9 + j]
-            parameters[k, i, 14 * J + m] += a * carried[i, 11]
+                parameters[k, i, 12 * J + 2 * m + j] += a * place_by_parameters[i, 9 + j]
+            parameters[k, i, 14 * J + m] += a * place_by_parameters[i, 11]
 
 
 @inlined

@@ -136,7 +136,15 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Answer]]) -> Finding:
             " lost for every third person.",
         ),
         (table,),
-        (Verdict("recordings with an alarm", alarms / n, LIMIT, "", "target of the checks"),),
+        (
+            Verdict(
+                "recordings with an alarm, upper 95 % bound",
+                100.0 * at_most(alarms, n),
+                100.0 * LIMIT,
+                "%",
+                "target of the checks",
+            ),
+        ),
         tuple(remarks),
         simulated=False,
     )

@@ -30,3 +30,10 @@ def test_alarms_and_questions_are_counted_by_recording() -> None:
     assert any(
         "person 1: sensors.late, sensor.slipped, person.bone_length" in r for r in found.remarks
     )
+
+
+@pytest.mark.parametrize(("recordings", "is_shown"), [(590, False), (610, True)])
+def test_the_target_is_met_only_where_the_bound_shows_it(recordings: int, is_shown: bool) -> None:
+    results = [(Trial("tapping", seed), Answer((), ())) for seed in range(recordings)]
+    (verdict,) = false_alarms.finding(Wanted(), results).verdicts
+    assert verdict.met == is_shown
