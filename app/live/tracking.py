@@ -424,7 +424,7 @@ class Tracking:
         if self._state is None:
             return None
         faults: list[Exception] = []
-        pieces = [self._step_or_keep_state(faults, self.method.step, block) for block in blocks]
+        pieces = self._step_together(faults, blocks)
         pieces.append(self._step_or_keep_state(faults, self.method.release, self._patience))
         self.failures += len(faults)
         self._failed_since = self._failed_since + 1 if faults else 0
@@ -435,6 +435,15 @@ class Tracking:
         if self._failed_since > MAX_FAILURES:
             self._start_again()
         return self._store_poses(pieces)
+
+    def _step_together(self, faults: list[Exception], blocks: list[Block]) -> list[Trajectory]:
+        """The rows of blocks of several streams; where that fails, of each block that does not."""
+        try:
+            self._state, rows = self.method.step(self.params, self._state, *blocks)
+        except Exception:
+            step = self.method.step
+            return [self._step_or_keep_state(faults, step, block) for block in blocks]
+        return [rows]
 
     def _step_or_keep_state(
         self,
@@ -504,12 +513,9 @@ class Tracking:
 
     def _step(self, blocks: Sequence[Block]) -> None:
         """Step buffered blocks; errors go to the caller."""
-        pieces = []
-        for block in blocks:
-            self._state, piece = self.method.step(self.params, self._state, block)
-            pieces.append(piece)
+        self._state, rows = self.method.step(self.params, self._state, *blocks)
         self._state, late = self.method.release(self.params, self._state, self._patience)
-        self._store_poses([*pieces, late])
+        self._store_poses([rows, late])
 
     def _streams(self) -> tuple[Any, ...]:
         return tuple(blocks[-1].stream for blocks in self._samples.values() if blocks)

@@ -8,7 +8,7 @@ Limits  accelerations of a stream with other instants are interpolated over two 
 """
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -137,30 +137,19 @@ def start(calibration: Calibration, gyr_noise: float) -> State:
     )
 
 
-def buffer_block(state: State, block: Block, calibration: Calibration, q_SB: Array) -> State:
-    """Keep a block's samples until their rows come, with their magnetometers' where the block has
-    them."""
-    before = state.waiting.get(block.stream.name)
-    if before is None or before.stream != block.stream:
-        before = _empty_buffer(block.stream, calibration, q_SB)
-    if not len(before.worn.columns):
-        return state
-    gyr, acc = _segment_readings(before.worn, block)
-    t, gyr, acc = (
-        np.concatenate(both) for both in ((before.t, block.t), (before.gyr, gyr), (before.acc, acc))
-    )
-    mag = (
-        before.mag
-        if before.mag is None
-        else np.concatenate([before.mag, _segment_fields(before.worn, block)])
-    )
-    return replace(
-        state,
-        waiting={
-            **state.waiting,
-            block.stream.name: Waiting(block.stream, before.worn, before.period, t, gyr, acc, mag),
-        },
-    )
+def buffer_blocks(
+    state: State, blocks: Sequence[Block], calibration: Calibration, q_SB: Array
+) -> State:
+    """Keep the blocks' samples until their rows come, with their magnetometers' where the blocks
+    have them."""
+    waiting = dict(state.waiting)
+    for block in blocks:
+        before = waiting.get(block.stream.name)
+        if before is None or before.stream != block.stream:
+            before = _empty_buffer(block.stream, calibration, q_SB)
+        if len(before.worn.columns):
+            waiting[block.stream.name] = _behind(before, block)
+    return replace(state, waiting=waiting)
 
 
 def align_samples(
@@ -273,6 +262,18 @@ def _empty_buffer(stream: Stream, calibration: Calibration, q_SB: Array) -> Wait
         nothing if MAG in stream.quantities else None,
     )
     return Waiting(stream, worn, period, np.empty(0), nothing, nothing, mag)
+
+
+def _behind(before: Waiting, block: Block) -> Waiting:
+    """What waits of a stream, with a block more."""
+    gyr, acc = _segment_readings(before.worn, block)
+    mag = before.mag
+    if mag is not None:
+        mag = np.concatenate([mag, _segment_fields(before.worn, block)])
+    t, gyr, acc = (
+        np.concatenate(both) for both in ((before.t, block.t), (before.gyr, gyr), (before.acc, acc))
+    )
+    return Waiting(before.stream, before.worn, before.period, t, gyr, acc, mag)
 
 
 def _segment_readings(worn: WornSensors, block: Block) -> tuple[Array, Array]:

@@ -226,13 +226,13 @@ def _start_fusion(calibration: Calibration, stream: Stream) -> orientation_fusio
     )
 
 
-def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]:
-    """Advance by one block of any length, 0 included; blocks of streams that the method does not
-    use change nothing."""
+def step(params: Params, state: State, *blocks: Block) -> tuple[State, Trajectory]:
+    """Advance by blocks of any length, 0 included, of any streams; those of streams that the method
+    does not use change nothing."""
     if state.magnetic is None:
-        return _fuse(params, state, [block] if block.stream.inertial else [])
-    magnetic, blocks = magnetometer_resampling.step(state.magnetic, block)
-    return _fuse(params, replace(state, magnetic=magnetic), blocks)
+        return _fuse(params, state, [b for b in blocks if b.stream.inertial])
+    magnetic, ready = magnetometer_resampling.step(state.magnetic, *blocks)
+    return _fuse(params, replace(state, magnetic=magnetic), ready)
 
 
 def release(params: Params, state: State, patience: float) -> tuple[State, Trajectory]:
@@ -275,25 +275,27 @@ def _without_waiting(
 
 def _fuse(params: Params, state: State, blocks: Sequence[Block]) -> tuple[State, Trajectory]:
     """Orientations of the blocks' sensors, and the hand at every instant that is complete."""
-    pieces = []
-    for block in blocks:
+    sensors, oriented = dict(state.sensors), []
+    for k, block in enumerate(blocks):
         inertial = (
             block
             if state.magnetic is None
             else Block(_inertial(block.stream), block.t, block.values[..., :6])
         )
-        fusion = state.sensors.get(block.stream.name)
+        fusion = sensors.get(block.stream.name)
         if (
             fusion is None or fusion.stream != inertial.stream
         ):  # plugged in later, or with another rate or other sensors than before
+            if k:  # first what the blocks before it complete
+                state, early = _fuse(params, state, blocks[:k])
+                state, late = _fuse(params, state, blocks[k:])
+                return state, join([early, late], state.calibration.hand)
             fusion = _start_fusion(state.calibration, inertial.stream)
-        fusion, oriented = orientation_fusion.step(params, fusion, inertial)
-        rows, given = resampling.step(state.rows, inertial.stream, oriented)
-        raw = sample_alignment.buffer_block(state.raw, block, state.calibration, state.q_SB)
-        sensors = {**state.sensors, block.stream.name: fusion}
-        state, piece = _hand(params, replace(state, sensors=sensors, rows=rows, raw=raw), given)
-        pieces.append(piece)
-    return state, pieces[0] if len(pieces) == 1 else join(pieces, state.calibration.hand)
+        sensors[block.stream.name], fused = orientation_fusion.step(params, fusion, inertial)
+        oriented.append((inertial.stream, fused))
+    rows, given = resampling.step(state.rows, *oriented)
+    raw = sample_alignment.buffer_blocks(state.raw, blocks, state.calibration, state.q_SB)
+    return _hand(params, replace(state, sensors=sensors, rows=rows, raw=raw), given)
 
 
 def _inertial(stream: Stream) -> Stream:

@@ -83,13 +83,15 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
     )
 
 
-def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]:
-    """Advance by one block of any length, 0 included; blocks of streams that the method does not
-    use change nothing."""
-    if state.magnetic is None or _is_given(block.stream):
-        return _fuse(params, state, [block] if block.stream.inertial else [])
-    magnetic, blocks = magnetometer_resampling.step(state.magnetic, block)
-    return _fuse(params, replace(state, magnetic=magnetic), blocks)
+def step(params: Params, state: State, *blocks: Block) -> tuple[State, Trajectory]:
+    """Advance by blocks of any length, 0 included, of any streams; those of streams that the method
+    does not use change nothing."""
+    if state.magnetic is None:
+        return _fuse(params, state, [b for b in blocks if b.stream.inertial])
+    raw = (b for b in blocks if not _is_given(b.stream))
+    magnetic, complete = magnetometer_resampling.step(state.magnetic, *raw)
+    given = (b for b in blocks if _is_given(b.stream) and b.stream.inertial)
+    return _fuse(params, replace(state, magnetic=magnetic), [*given, *complete])
 
 
 def release(params: Params, state: State, patience: float) -> tuple[State, Trajectory]:
@@ -119,22 +121,25 @@ def finish(params: Params, state: State) -> tuple[State, Trajectory]:
 
 def _fuse(params: Params, state: State, blocks: list[Block]) -> tuple[State, Trajectory]:
     """Orientations of the blocks' sensors, and the hand at every instant that is complete."""
-    sensors, pieces = dict(state.sensors), []
-    for block in blocks:
+    sensors, fused = dict(state.sensors), []
+    for k, block in enumerate(blocks):
         fusion = sensors.get(block.stream.name)
         if (
             fusion is None or fusion.stream != block.stream
         ):  # plugged in later, or with another rate or other sensors than before
+            if k:  # first what the blocks before it complete
+                state, early = _fuse(params, state, blocks[:k])
+                state, late = _fuse(params, state, blocks[k:])
+                return state, join([early, late], state.calibration.hand)
             fusion = _sensors(params, state.calibration, block.stream)
         if isinstance(fusion, given_orientations.State):
             fusion, oriented = given_orientations.step(params.max_gap, fusion, block)
         else:
             fusion, oriented = orientation_fusion.step(params, fusion, block)
         sensors[block.stream.name] = fusion
-        rows, given = resampling.step(state.rows, block.stream, oriented)
-        state, piece = _hand(params, replace(state, rows=rows), given)
-        pieces.append(piece)
-    return replace(state, sensors=sensors), join(pieces, state.calibration.hand)
+        fused.append((block.stream, oriented))
+    rows, given = resampling.step(state.rows, *fused)
+    return _hand(params, replace(state, sensors=sensors, rows=rows), given)
 
 
 def _is_given(stream: Stream) -> bool:

@@ -97,15 +97,14 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
     )
 
 
-def step(params: Params, state: State, block: Block) -> tuple[State, Trajectory]:
-    """Advance by one block of any length, 0 included; blocks of streams that the method does not
-    use change nothing."""
-    after, rows = ekf.step(params, state.filter, block)
-    return _advance(
-        params,
-        replace(state, filter=after, readings=streaming_samples.store_block(state.readings, block)),
-        rows,
-    )
+def step(params: Params, state: State, *blocks: Block) -> tuple[State, Trajectory]:
+    """Advance by blocks of any length, 0 included, of any streams; those of streams that the method
+    does not use change nothing."""
+    after, rows = ekf.step(params, state.filter, *blocks)
+    readings = state.readings
+    for block in blocks:
+        readings = streaming_samples.store_block(readings, block)
+    return _advance(params, replace(state, filter=after, readings=readings), rows)
 
 
 def release(params: Params, state: State, patience: float) -> tuple[State, Trajectory]:

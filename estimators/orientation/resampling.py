@@ -84,14 +84,15 @@ def start(streams: Iterable[Stream]) -> State:
     )
 
 
-def step(state: State, stream: Stream, fresh: Oriented) -> tuple[State, Rows]:
-    """Take fresh orientations of one stream and give out the rows that are complete."""
-    before = state.waiting.get(stream.name)
-    same = before is not None and before.stream.sensors == stream.sensors
-    data = _append(before.data, fresh) if before is not None and same else fresh
-    return _give(
-        replace(state, waiting={**state.waiting, stream.name: Waiting(stream, data)}), np.inf
-    )
+def step(state: State, *fresh: tuple[Stream, Oriented]) -> tuple[State, Rows]:
+    """Take fresh orientations of streams and give out the rows that are complete."""
+    waiting = dict(state.waiting)
+    for stream, oriented in fresh:
+        before = waiting.get(stream.name)
+        same = before is not None and before.stream.sensors == stream.sensors
+        data = _append(before.data, oriented) if before is not None and same else oriented
+        waiting[stream.name] = Waiting(stream, data)
+    return _give(State(state.reference, waiting, state.t), np.inf)
 
 
 def release(state: State, patience: float) -> tuple[State, Rows]:
@@ -124,7 +125,7 @@ def drain(
             continue  # holds nothing back
         fused, oriented = orientation_fusion.finish(params, fusion)
         after[name] = cast("S", fused)
-        state, given = step(state, fusion.stream, oriented)
+        state, given = step(state, (fusion.stream, oriented))
         last.append(given)
     state, given = finish(state)
     return after, state, join([*last, given])

@@ -64,11 +64,12 @@ class AnyMethod(Protocol[P_co]):
 
 
 class Method(AnyMethod[P], Protocol[P, S]):
-    """A method that steps through blocks; nothing depends on where a block ends."""
+    """A method that steps through blocks; nothing depends on where a block ends, nor on whether
+    those of several streams come one after the other or together, which costs less."""
 
     def start(self, params: P, calibration: Calibration, streams: tuple[Stream, ...], /) -> S: ...
 
-    def step(self, params: P, state: S, block: Block, /) -> tuple[S, Trajectory]: ...
+    def step(self, params: P, state: S, /, *blocks: Block) -> tuple[S, Trajectory]: ...
 
     def release(self, params: P, state: S, patience: float, /) -> tuple[S, Trajectory]: ...
 

@@ -44,8 +44,16 @@ def joined_stream(stream: Stream) -> Stream:
     return replace(stream, quantities=(GYR, ACC, MAG))
 
 
-def step(state: State, block: Block) -> tuple[State, list[Block]]:
-    """Take a block of any stream and give the inertial blocks that are complete."""
+def step(state: State, *blocks: Block) -> tuple[State, list[Block]]:
+    """Take blocks of any streams and give the inertial blocks that are complete."""
+    complete = []
+    for block in blocks:
+        state, given = _take(state, block)
+        complete += given
+    return state, complete
+
+
+def _take(state: State, block: Block) -> tuple[State, list[Block]]:
     if not len(block.t):
         return state, []
     if block.stream.inertial:

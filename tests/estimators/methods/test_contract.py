@@ -59,6 +59,52 @@ def test_a_recording_may_be_cut_anywhere(
 
 
 @every_method
+@given(where=st.lists(st.integers(0, 1500), max_size=10))
+def test_blocks_of_several_streams_may_come_together(
+    method: Method[Any, Any], where: list[int]
+) -> None:
+    """As a live view gives them: what came of all strips since the last time in one step."""
+    recording, params = in_strips("left"), method.Params()
+    found = calibrated(recording, params)
+    batches = zip(*(cut(b, where) for b in recording.samples.values()), strict=True)
+    state, given = method.start(params, found, recording.streams), []
+    for batch in batches:
+        blocks = [b.between(found.t, np.inf) for b in batch]
+        state, moved = method.step(params, state, *blocks)
+        given.append(moved)
+    _, moved = method.finish(params, state)
+    assert_same(
+        trajectory.join([*given, moved], recording.hand),
+        _stepped(method, recording, list(recording.blocks())),
+    )
+
+
+@every_method
+def test_a_strip_that_is_described_anew_loses_no_row_that_it_completes(
+    method: Method[Any, Any],
+) -> None:
+    """In one step the last samples of a strip and the first ones under its new description."""
+    recording, params = in_strips("left"), method.Params()
+    found = calibrated(recording, params)
+    blocks = [b.between(found.t, found.t + 4.0) for b in recording.samples.values()]
+    changed = recording.samples["index"].between(found.t + 4.0, found.t + 5.0)
+    stream = replace(changed.stream, sensors=changed.stream.sensors[:2])
+    later = [Block(stream, changed.t, changed.values[:, :2])] + [
+        b.between(found.t + 4.0, found.t + 5.0)
+        for b in recording.samples.values()
+        if b.stream.name != "index"
+    ]
+    start = method.start(params, found, recording.streams)
+    _, together = method.step(params, start, *blocks, *later)
+    state, alone = start, []
+    for block in (*blocks, *later):
+        state, moved = method.step(params, state, block)
+        alone.append(moved)
+    assert len(together) > 450
+    assert_same(together, trajectory.join(alone, recording.hand))
+
+
+@every_method
 def test_a_method_goes_on_from_a_saved_state(method: Method[Any, Any]) -> None:
     recording = in_strips("right")
     pieces = _pieces(recording, [200, 500, 900])

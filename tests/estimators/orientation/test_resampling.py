@@ -37,7 +37,7 @@ def _rows(
     """What each step gives, and everything together."""
     state, given = resampling.start(streams), []
     for stream, oriented in fed:
-        state, rows = resampling.step(state, stream, oriented)
+        state, rows = resampling.step(state, (stream, oriented))
         given.append(rows)
     _, last = resampling.finish(state)
     return given, resampling.join([*given, last])
@@ -97,25 +97,25 @@ def test_at_the_end_a_stream_that_fell_silent_is_held_and_marked() -> None:
 
 def test_a_live_view_leaves_a_silent_stream_behind_after_its_patience() -> None:
     state = resampling.start((HAND, FOREARM))
-    state, _ = resampling.step(state, FOREARM, _turning(FOREARM, 0, 0.5))
-    state, given = resampling.step(state, HAND, _turning(HAND, 0, 1))
+    state, _ = resampling.step(state, (FOREARM, _turning(FOREARM, 0, 0.5)))
+    state, given = resampling.step(state, (HAND, _turning(HAND, 0, 1)))
     assert given.t[-1] == pytest.approx(0.47)
     state, released = resampling.release(state, 0.1)
     assert released.t[0] == pytest.approx(0.48)
     assert released.t[-1] == pytest.approx(0.99 - 0.1)
     # it was only late: what was shown is not shown again
-    _, later = resampling.step(state, FOREARM, _turning(FOREARM, 0.5, 1))
+    _, later = resampling.step(state, (FOREARM, _turning(FOREARM, 0.5, 1)))
     assert later.t[0] == pytest.approx(0.90)
 
 
 def test_while_the_reference_is_silent_another_stream_makes_the_rows() -> None:
     state = resampling.start((HAND, FOREARM))
-    state, _ = resampling.step(state, HAND, _turning(HAND, 0, 0.5))
-    state, first = resampling.step(state, FOREARM, _turning(FOREARM, 0, 1))
+    state, _ = resampling.step(state, (HAND, _turning(HAND, 0, 0.5)))
+    state, first = resampling.step(state, (FOREARM, _turning(FOREARM, 0, 1)))
     state, released = resampling.release(state, 0.1)
     np.testing.assert_allclose(np.diff(released.t), 1 / 40)
     assert (released.flags[1:, SEGMENT["hand"]] & Flag.MISSING).all()
-    state, back = resampling.step(state, HAND, _turning(HAND, 0.5, 1.2))
+    state, back = resampling.step(state, (HAND, _turning(HAND, 0.5, 1.2)))
     state, back = resampling.release(state, 0.1)
     assert state.reference == "hand"
     assert (np.diff(np.concatenate([first.t, released.t, back.t])) > 0).all()
@@ -164,8 +164,8 @@ def test_instants_without_a_sample_make_no_row() -> None:
 def test_nothing_is_kept_but_what_later_rows_need() -> None:
     state = resampling.start((HAND, FOREARM))
     for k in range(50):
-        state, _ = resampling.step(state, HAND, _turning(HAND, k, k + 1))
-        state, _ = resampling.step(state, FOREARM, _turning(FOREARM, k, k + 1))
+        state, _ = resampling.step(state, (HAND, _turning(HAND, k, k + 1)))
+        state, _ = resampling.step(state, (FOREARM, _turning(FOREARM, k, k + 1)))
     assert sum(len(w.data.t) for w in state.waiting.values()) < 10
     assert abs(quat.twist(state.waiting["hand"].data.q_GS[-1, 0], 2)) <= 180 * DEG
 
