@@ -13,6 +13,9 @@ from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.neighbours import check_neighbours
 from handscope.estimators.fault_detection.single_sensors.check_sensors import check_sensors
 
+SLIP, UNEXPLAINED = "sensor.slipped", "sensors.disagree"
+EXPLAIN_STEPS = ("sensors.late", "sensors.early", "sensors.exchanged", "sensors.order")
+
 
 def check_recording(
     blocks: Sequence[Block],
@@ -41,14 +44,27 @@ def check_recording(
     )
     if declared is None or spoils:
         return alone
-    return [
-        *alone,
-        *check_neighbours.check(
-            blocks,
-            declared.hand,
-            declared.geometry,
-            declared.mounting,
-            calibrations,
-            declared.events,
-        ),
-    ]
+    together = check_neighbours.check(
+        blocks,
+        declared.hand,
+        declared.geometry,
+        declared.mounting,
+        calibrations,
+        declared.events,
+    )
+    return _without_repeated_slips([*alone, *together])
+
+
+def _without_repeated_slips(found: list[Suspicion]) -> list[Suspicion]:
+    """Without a slip of a sensor of which the same, or a cause that explains its step, is known; the slip of a sensor explains joints that do not meet."""
+    slipped = {n for s in found if s.message.code == SLIP for n in s.sensors}
+    kept: list[Suspicion] = []
+    for s in found:
+        others = [o for o in found if o is not s and {*o.sensors} & {*s.sensors}]
+        is_known = any(
+            o in kept if o.message.code == SLIP else o.message.code in EXPLAIN_STEPS for o in others
+        )
+        unexplained = s.message.code == UNEXPLAINED and bool(slipped & {*s.sensors})
+        if not unexplained and not (s.message.code == SLIP and is_known):
+            kept.append(s)
+    return kept

@@ -52,6 +52,7 @@ from handscope.estimators.fault_detection.single_sensors.magnetometer_check impo
 )
 from handscope.estimators.fault_detection.single_sensors.rest_turns import RestTurn, explain, find
 from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS, odds_of
+from handscope.estimators.fault_detection.single_sensors.sudden_turns import sudden_turns
 from handscope.estimators.numerics.typing import Array
 
 RATE_OFF = 0.03  # of a rate that is told wrong, at least
@@ -100,7 +101,8 @@ def check_sensors(blocks: Sequence[Block]) -> list[Suspicion]:
     whole = [b for b in whole if (np.diff(b.t) > 0).all()]
     frozen = frozen_stretches(whole)
     lost = [s for s in lost_rows(whole) if not _beside(s, frozen)]
-    cells = _without(cells_of(whole), [*frozen, *lost])
+    slipped = [s for s in sudden_turns(whole) if not _beside(s, [*frozen, *lost])]
+    cells = _without(cells_of(whole), [*frozen, *lost, *map(_at_its_start, slipped)])
     sizes, factor = accelerometer_sizes(cells)
     cells = replace(cells, acc=cells.acc * factor)
     gyroscopes = check_gyroscopes(cells)
@@ -113,6 +115,8 @@ def check_sensors(blocks: Sequence[Block]) -> list[Suspicion]:
         *gyroscopes,
         *_magnetometers(cells, whole, gyroscopes),
     ]
+    named = {sensor for s in found for sensor in s.sensors}
+    found += [s for s in slipped if not named & {*s.sensors}]
     return [
         replace(
             s, message=replace(s.message, values={**s.message.values, "odds": odds_of(s.p_value)})
@@ -121,10 +125,15 @@ def check_sensors(blocks: Sequence[Block]) -> list[Suspicion]:
     ]
 
 
-def _beside(lost: Suspicion, frozen: Sequence[Suspicion]) -> bool:
-    """Whether rows seem to be lost only because readings stood still before or behind."""
-    at = lost.spans[0][0]
-    return any(a - NEAR < at < b + NEAR for f in frozen for a, b in f.spans)
+def _beside(later: Suspicion, known: Sequence[Suspicion]) -> bool:
+    """Whether something seems to begin only because readings stood still, or are lost, before or behind."""
+    at = later.spans[0][0]
+    return any(a - NEAR < at < b + NEAR for s in known for a, b in s.spans)
+
+
+def _at_its_start(suspicion: Suspicion) -> Suspicion:
+    at = suspicion.spans[0][0]
+    return replace(suspicion, spans=((at, at),))
 
 
 def _without(cells: Cells, suspicions: Sequence[Suspicion]) -> Cells:

@@ -1,0 +1,183 @@
+"""A sensor that sits otherwise from one sample to the next, without its gyroscope seeing it turn: it slipped where samples are lost, or readings were joined.
+
+In      a block of an inertial stream
+Out     which sensor, by what turn, when, and how probable such a step is without one
+Source  one rotation explains the step of both triads; peaks over a threshold have exponential tails (Pickands 1975, Ann Stat 3:119): tail of the recording's own steps
+Limits  a turn about the vertical moves no gravity and is left alone; a turn that takes longer than a sample is seen by the gyroscope: neighbours/slips.py, finger_ekf/mounting_change.py
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.data.samples import ACC, GYR, Block
+from handscope.estimators.fault_detection.finding import Message, Suspicion
+from handscope.estimators.fault_detection.single_sensors.sample_kernels import (
+    ROWS,
+    explained_steps,
+)
+from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.tail_probabilities import normal_sf
+from handscope.estimators.numerics.typing import Array
+
+LEAST, MOST = np.radians([6.0, 60.0])  # smaller turns are those of skin, larger ones no slip
+SPACING = 0.1  # s between peaks
+LEAVE, TAIL = 4, 40  # largest peaks that may be slips, and peaks that show the tail
+SLOPE = (
+    0.3  # least slope of the tail, that of the root of chi square with 3 degrees of freedom far out
+)
+EXPECTED_REST = 9.0  # of a step that a rotation makes: three times its degrees of freedom
+LEAST_SURE = 0.05  # probability from which on a step is not looked at
+BESIDE = (
+    0.15,
+    0.3,
+)  # s before and behind a step, along which the course of the force is fitted: what fits better elsewhere
+KNOCK = 0.05  # s behind a step that are left out of it
+DEGREE = 3  # of the course, a polynomial
+OF_STEP = 0.1  # largest share of a step that no rotation explains
+EXACT, EXACT_REST = (
+    0.003,
+    12.0,
+)  # the same where a hand accelerates too hard for gravity to show it: one in 20 steps of any direction is across the force within that; variances
+SEVERAL = 3  # sensors that step at once: rows are lost, no sensor slipped
+AT_ONCE = 0.1  # s
+SMALLEST = 1e-100  # probability; its logarithm has to be finite
+LONGEST_STEP = 2.5  # usual intervals between samples; behind a longer gap the movement itself has turned the sensor
+
+
+@dataclass(frozen=True)
+class SuddenTurn:
+    """One sensor at one instant."""
+
+    sensor: str
+    t: float  # s, of the first sample behind
+    turn: Array  # (3,) rad, takes vectors of the later frame to the earlier one
+    p_value: float
+
+
+def sudden_turns(blocks: Sequence[Block]) -> list[Suspicion]:
+    """Sensors that were turned from one sample to the next.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+        One block a stream.
+
+    Returns
+    -------
+    list of Suspicion
+        `sensor.slipped`, one a sensor, each with its correction as those of neighbours/.
+    """
+    found = []
+    for block in blocks:
+        for slip in turns_of(block) if block.stream.inertial else ():
+            values: dict[str, float | str] = {
+                "sensor": slip.sensor,
+                "angle_deg": float(np.degrees(np.linalg.norm(slip.turn))),
+                "start": slip.t,
+            }
+            message = Message("sensor.slipped", values, "warning")
+            correction = {"turn": quat.exp(slip.turn), "start": slip.t}
+            span = (slip.t, float(block.t[-1]))
+            found.append(Suspicion(message, (slip.sensor,), (span,), slip.p_value, correction))
+    return found
+
+
+def turns_of(block: Block) -> list[SuddenTurn]:
+    """Sudden turns in one stream, the most certain one of each sensor."""
+    candidates: dict[str, SuddenTurn] = {}
+    for k, sensor in enumerate(block.stream.sensors):
+        for turn in _of_sensor(block, k):
+            if sensor not in candidates or turn.p_value < candidates[sensor].p_value:
+                candidates[sensor] = turn
+    every = list(candidates.values())
+    return [s for s in every if sum(abs(s.t - o.t) < AT_ONCE for o in every) < SEVERAL]
+
+
+def _of_sensor(block: Block, column: int) -> Iterator[SuddenTurn]:
+    values = np.concatenate([block.of(GYR)[:, column], block.of(ACC)[:, column]], axis=1)
+    rows = np.flatnonzero(np.isfinite(values).all(axis=1))
+    if len(rows) < 4 * (LEAVE + TAIL):
+        return
+    t, values = block.t[rows], np.ascontiguousarray(values[rows])
+    usual = float(np.median(np.diff(t)))
+    explained, rest, turn = explained_steps(values)
+    size = np.sqrt(explained / (1.0 + rest / EXPECTED_REST))
+    gap = np.lib.stride_tricks.sliding_window_view(np.diff(t), ROWS - 1).max(axis=1)
+    size[gap > LONGEST_STEP * usual] = 0.0
+    peaks = _peaks(size, max(1, round(SPACING / usual)))
+    usual_ones = peaks[LEAVE : LEAVE + TAIL]
+    if len(usual_ones) < 5:
+        return
+    tail, among = size[usual_ones], len(block.stream.sensors)
+    slope = max(float((tail - tail[-1])[:-1].mean()), SLOPE)
+    for k in peaks[:LEAVE]:
+        p_step = float(min(1.0, among * len(tail) * np.exp(-(size[k] - tail[-1]) / slope)))
+        fits = rest[k] < OF_STEP * explained[k] and LEAST < np.linalg.norm(turn[k]) < MOST
+        if not fits or p_step > LEAST_SURE:
+            continue
+        places = np.array([k, *usual_ones])
+        seen = min(
+            (_lasting_step(t, values, places + ROWS // 2, round(s / usual), usual) for s in BESIDE),
+            key=lambda steps: float((steps[1:] ** 2).sum()),
+        )
+        row = k + ROWS // 2
+        expected = np.cross(0.5 * (values[row - 1, 3:] + values[row, 3:]), turn[k])
+        p_gravity = _p_without(seen, expected)
+        if p_gravity is None or (p_gravity == 1.0 and rest[k] > EXACT_REST + EXACT * explained[k]):
+            continue
+        p = _of_both(p_step, p_gravity)
+        if p < FALSE_ALARMS:
+            yield SuddenTurn(block.stream.sensors[column], float(t[row]), turn[k], p)
+
+
+def _p_without(seen: Array, expected: Array) -> float | None:
+    """Probability of a lasting step (the first of `seen`) as near to what a turn makes, `expected`, without one; None where none is nearer, 1 where a hand accelerates too hard to tell."""
+    sd, size = float(np.sqrt((seen[1:] ** 2).mean())), float(np.linalg.norm(expected))
+    if sd > size:
+        return 1.0
+    if np.linalg.norm(seen[0]) < np.linalg.norm(seen[0] - expected):
+        return None
+    return float(normal_sf(seen[0] @ expected / (size * sd)))
+
+
+def _of_both(p: float, q: float) -> float:
+    """Probability of two independent findings together. (Fisher 1925, Statistical Methods for Research Workers, 21.1)"""
+    product = max(p * q, SMALLEST)
+    return product * (1.0 - float(np.log(product)))
+
+
+def _peaks(size: Array, spacing: int) -> NDArray[np.intp]:
+    """Rows of largest steps, largest first, none nearer to a larger one than `spacing` rows."""
+    padded = np.pad(size, spacing, constant_values=-np.inf)
+    largest = np.lib.stride_tricks.sliding_window_view(padded, 2 * spacing + 1).max(axis=1)
+    rows = np.flatnonzero((size == largest) & (size > 0.0))
+    return np.asarray(rows[np.argsort(-size[rows])])
+
+
+def _lasting_step(t: Array, values: Array, rows: NDArray[np.intp], n: int, usual: float) -> Array:
+    """By how much (places, 3) m/s^2 the specific force is another behind rows than its course up to there, in the frame of each row; a knock is over by then."""
+    over = round(KNOCK / usual)
+    rows = np.clip(rows, n, len(t) - n)
+    forces = [
+        _carried(t, values, rows[:, None] + (np.arange(n) if behind else -1 - np.arange(n)))
+        for behind in (False, True)
+    ]
+    course = np.concatenate([forces[0][:, ::-1], forces[1][:, over:]], axis=1)
+    at = np.concatenate([np.arange(-n, 0), np.arange(over, n)]) / n
+    terms = np.concatenate([at[:, None] ** np.arange(DEGREE + 1), (at >= 0)[:, None]], axis=1)
+    return np.asarray(np.einsum("n,pni->pi", np.linalg.pinv(terms)[-1], course))
+
+
+def _carried(t: Array, values: Array, rows: NDArray[np.intp]) -> Array:
+    """Specific forces (places, n, 3) in rows, in the frame of the first row of each place."""
+    gyr, forces = values[rows, :3], values[rows, 3:]
+    turn = 0.5 * (gyr[:, 1:] + gyr[:, :-1]) * np.diff(t[rows], axis=1)[..., None]
+    q = np.broadcast_to(quat.IDENTITY, (len(rows), 4))
+    for k, step in enumerate(np.moveaxis(quat.exp(turn), 1, 0), 1):
+        q = quat.multiply(q, step)
+        forces[:, k] = quat.rotate(q, forces[:, k])
+    return forces

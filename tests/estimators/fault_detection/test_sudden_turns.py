@@ -1,0 +1,84 @@
+"""A sensor that sits otherwise from one sample to the next: told by the step of its readings, and by where gravity is afterwards."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from handscope.estimators.data.samples import ACC, Block
+from handscope.estimators.fault_detection.check import check_recording
+from handscope.estimators.fault_detection.single_sensors.sudden_turns import sudden_turns
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.typing import Array
+from tests.estimators.fault_detection.recordings import moved_freely, performed
+
+AT = 12.0  # s
+
+
+def _turned(blocks: tuple[Block, ...], sensor: str, turn_deg: Array) -> list[Block]:
+    R = quat.matrix(quat.exp(np.radians(turn_deg)))
+    out = []
+    for block in blocks:
+        values, later = block.values.copy(), block.t >= AT
+        if sensor in block.stream.sensors:
+            k = block.stream.sensors.index(sensor)
+            for first in range(0, 6, 3):
+                part = slice(first, first + 3)
+                values[later, k, part] = values[later, k, part] @ R
+        out.append(replace(block, values=values))
+    return out
+
+
+def _lossy(blocks: list[Block]) -> list[Block]:
+    rng = np.random.default_rng(12)
+    return [
+        replace(b, values=np.where(rng.random(len(b.t))[:, None, None] < 0.05, np.nan, b.values))
+        for b in blocks
+    ]
+
+
+def test_a_turn_is_found_with_its_size_and_time() -> None:
+    turn = np.array([3.0, -9.0, 6.0])
+    (found,) = sudden_turns(_turned(moved_freely(), "ring_middle", turn))
+    assert (found.message.code, found.sensors) == ("sensor.slipped", ("ring_middle",))
+    assert found.spans[0][0] == pytest.approx(AT, abs=0.02)
+    assert found.correction is not None
+    mended = np.degrees(quat.log(np.asarray(found.correction["turn"])))
+    np.testing.assert_allclose(mended, turn, atol=3.0)  # deg
+
+
+def test_a_turn_is_found_among_lost_samples() -> None:
+    lossy = _lossy(_turned(moved_freely(), "ring_middle", np.array([3.0, -14.0, 9.0])))
+    assert [s.sensors for s in sudden_turns(lossy)] == [("ring_middle",)]
+
+
+@pytest.mark.parametrize(
+    "blocks", [moved_freely(), performed("tapping"), performed("rom_fist", "open_close")]
+)
+def test_nothing_is_found_in_sensors_that_stay(blocks: tuple[Block, ...]) -> None:
+    assert sudden_turns(blocks) == []
+    assert sudden_turns(_lossy(list(blocks))) == []
+
+
+def test_a_knock_is_no_turn() -> None:
+    """30 m/s^2 for 40 ms, across gravity: behind it gravity is where it was."""
+    blocks = []
+    for block in moved_freely():
+        values = block.values.copy()
+        rows = np.flatnonzero((block.t >= AT) & (block.t < AT + 0.04))
+        if "ring_middle" in block.stream.sensors:
+            k = block.stream.sensors.index("ring_middle")
+            force = values[rows, k, block.stream.axes(ACC)]
+            across = np.cross(force, [1.0, 2.0, 3.0])
+            force += 30.0 * across / np.linalg.norm(across, axis=1, keepdims=True)
+            values[rows, k, block.stream.axes(ACC)] = force
+        blocks.append(replace(block, values=values))
+    assert sudden_turns(blocks) == []
+
+
+def test_rows_that_are_lost_turn_no_sensor() -> None:
+    blocks = [
+        replace(b, values=b.values[rows := (b.t < AT) | (b.t >= AT + 1.0)], t=b.t[: rows.sum()])
+        for b in moved_freely()
+    ]
+    assert "sensor.slipped" not in [s.message.code for s in check_recording(blocks)]
