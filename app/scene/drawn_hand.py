@@ -3,7 +3,7 @@
 Nothing is ever removed, only hidden: viser 1.1.1's page falls over when a skinned mesh is taken away.
 """
 
-from collections.abc import Mapping, Set
+from collections.abc import Set
 
 import numpy as np
 from viser import MeshSkinnedHandle, ViserServer
@@ -11,15 +11,28 @@ from viser import _messages as wire
 
 from handscope.app.scene import palette
 from handscope.app.scene.mesh.bones import BONE
+from handscope.app.scene.mesh.hand_mesh import HandMesh
 from handscope.app.scene.mesh.skinned_mesh import SkinnedMesh
 from handscope.app.scene.palette import Paint
-from handscope.estimators.hand.anatomy import FINGERS
 from handscope.estimators.numerics.quaternions import IDENTITY
 from handscope.estimators.numerics.typing import Array, Bools
 
 # A bone that turned or moved less than this since it was sent is not sent again: a fiftieth of a millimetre at the tip of a finger, where a pixel is
 # some tenths; sensors that lie still tell as much
 _TURNED, _MOVED = 1e-4, 2e-5  # quaternion components, m
+
+_FOLLOWED = {
+    "palm": palette.SKIN,
+    "fingers": palette.SKIN,
+    "nails": palette.NAIL,
+    "pale": palette.UNMEASURED,
+    "cuff": palette.CUFF,
+}
+_UNFOLLOWED = {
+    "palm": palette.UNFOLLOWED,
+    "fingers": palette.UNFOLLOWED,
+    "nails": palette.UNFOLLOWED_NAIL,
+}
 
 
 class DrawnHand:
@@ -32,7 +45,6 @@ class DrawnHand:
         self,
         server: ViserServer,
         name: str,
-        parts: Mapping[str, SkinnedMesh],
         rest: Array,
         scale: float,
     ) -> None:
@@ -42,8 +54,7 @@ class DrawnHand:
         self._handles: dict[str, MeshSkinnedHandle] = {}
         self._hidden: set[str] = set()
         self._rotations, self._places = np.tile(IDENTITY, (len(rest), 1)), rest
-        for part, mesh in parts.items():
-            self.add(part, mesh)
+        self._skin: dict[frozenset[str], tuple[str, ...]] = {}  # by which fingers are measured
 
     def add(self, part: str, mesh: SkinnedMesh) -> None:
         """Draw one more part in the present pose."""
@@ -79,18 +90,19 @@ class DrawnHand:
         handle.color, handle.opacity = paint.colour, paint.opacity
         handle.cast_shadow = handle.receive_shadow = paint.opacity is None and paint.shaded
 
-    def paint_hand(self, measured: Set[str], followed: bool = True) -> None:
-        """Paint a hand's own parts: the measured fingers solid, the others pale; all grey while the hand is not followed."""
-        skin, nail = (
-            (palette.SKIN, palette.NAIL)
-            if followed
-            else (palette.UNFOLLOWED, palette.UNFOLLOWED_NAIL)
-        )
-        for finger in FINGERS:
-            self.paint(finger, skin if finger in measured else palette.UNMEASURED)
-            self.paint(f"{finger}_nail", nail if finger in measured else palette.UNMEASURED)
-        self.paint("palm", skin)
-        self.paint("cuff", palette.CUFF)
+    def paint_hand(self, mesh: HandMesh, measured: Set[str], followed: bool = True) -> None:
+        """Draw a hand: the measured fingers solid, the others pale; all grey while the hand is not followed."""
+        measured = frozenset(measured)
+        if measured not in self._skin:
+            drawn = mesh.drawn(measured)
+            self._skin[measured] = tuple(drawn)
+            for part in [part for part in drawn if part not in self._handles]:
+                self.add(part, drawn[part])
+        for part in {part for parts in self._skin.values() for part in parts}:
+            self.show(part, part in self._skin[measured])
+        paints = _FOLLOWED if followed else {**_FOLLOWED, **_UNFOLLOWED}
+        for part in self._skin[measured]:
+            self.paint(part, paints[part.partition("_")[0]])
 
     def place(self, wrist: tuple[float, float, float]) -> None:
         """Put the wrist there, scene units."""

@@ -78,9 +78,9 @@ class HandScene:
             stage.set_up(self._server)
             self._ground = Ground(self._server)
             scale = view.units_per_metre(geometry)
-            self._own = DrawnHand(self._server, "/hand", self._mesh.parts(), self._mesh.rest, scale)
-            self._ghost = DrawnHand(self._server, "/ghost", {}, self._mesh.rest, scale)
-            self._own.paint_hand(self._measured)
+            self._own = DrawnHand(self._server, "/hand", self._mesh.rest, scale)
+            self._ghost = DrawnHand(self._server, "/ghost", self._mesh.rest, scale)
+            self._own.paint_hand(self._mesh, self._measured)
             self._trail = self._server.scene.add_line_segments(
                 "/trail",
                 np.zeros((view.TRAIL, 2, 3), np.float32),
@@ -162,7 +162,7 @@ class HandScene:
             self._passage = Passage(self._clock(), self._shown[0], self._q_DH)
             self._q_DG = None
         self._followed = followed
-        self._own.paint_hand(self._measured, followed)
+        self._own.paint_hand(self._mesh, self._measured, followed)
 
     def show_beside(self, angles: Array, q_GH: Array, measured: Iterable[str]) -> None:
         """Draw the second hand, of which these fingers are measured."""
@@ -181,7 +181,7 @@ class HandScene:
         with self._lock, self._server.atomic():
             if self._measured != (wanted := frozenset(fingers)):
                 self._measured = wanted
-                self._own.paint_hand(wanted, self._followed is not False)
+                self._own.paint_hand(self._mesh, wanted, self._followed is not False)
 
     def ghost(self, angles: Array | None, whole: bool = False) -> None:
         """Show the pose to take, joint angles (joints, 3) rad, as translucent fingers on the patient's palm; None takes them away.

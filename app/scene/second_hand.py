@@ -23,17 +23,15 @@ class SecondHand:
     def __init__(self, server: ViserServer, geometry: HandGeometry) -> None:
         self._geometry = geometry
         self._q_DG: Array | None = None  # set by the first orientation shown
-        mesh = hand_mesh(geometry)
-        self._drawn = DrawnHand(
-            server, "/beside", mesh.parts(), mesh.rest, view.units_per_metre(geometry)
-        )
+        self._mesh = hand_mesh(geometry)
+        self._drawn = DrawnHand(server, "/beside", self._mesh.rest, view.units_per_metre(geometry))
         self._drawn.place((BESIDE, 0.0, 0.0))
         self._drawn.turn(view.palm_down(geometry.hand))
         self.measured(FINGERS)
 
     def measured(self, fingers: Iterable[str]) -> None:
         """Draw these fingers solid and the others pale."""
-        self._drawn.paint_hand(frozenset(fingers))
+        self._drawn.paint_hand(self._mesh, frozenset(fingers))
 
     def show(self, angles: Array, q_GH: Array) -> None:
         """As HandScene.show."""

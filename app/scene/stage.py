@@ -4,6 +4,9 @@ from viser import ViserServer
 
 from handscope.app.scene import view
 
+KEY_LIGHT = "/light/key"  # viser_page.py lets it cast the shadow
+REACH = 3.2  # scene units from the middle that a hand's skin reaches at most, two hands beside each other included
+
 
 def set_up(server: ViserServer) -> None:
     """Set the first camera, and a soft light from behind the viewer's left shoulder, a weak one from below: the palm is looked at, too."""
@@ -16,10 +19,9 @@ def set_up(server: ViserServer) -> None:
         "/light/sky", sky_color=(255, 252, 248), ground_color=(176, 170, 168), intensity=0.70
     )
     scene.add_light_directional(
-        "/light/key",
+        KEY_LIGHT,
         color=(255, 248, 240),
         intensity=1.7,
-        cast_shadow=True,
         position=(-0.35, -0.70, 1.0),
     )
     scene.add_light_directional(

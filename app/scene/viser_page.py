@@ -13,6 +13,8 @@ from pathlib import Path
 
 import viser
 
+from handscope.app.scene import stage
+
 _HEAD = """<title>Hand</title><style>
 html, body { margin: 0; height: 100%; background: radial-gradient(ellipse at 50% 42%, #f7f8f9 0%, #e9edf0 62%, #dde2e7 100%); }
 #root div:has(> div > [data-dock-root]), #root [data-dock-root] { background: transparent !important; }
@@ -37,10 +39,26 @@ html, body { margin: 0; height: 100%; background: radial-gradient(ellipse at 50%
   document.hasFocus = () => true;
   Object.defineProperty(window, "__viserMutable", { configurable: true, get: () => mutable, set(value) {
     mutable = value;
-    mutable.nodeRefFromName = new Proxy(mutable.nodeRefFromName, { get: (nodes, name) => nodes[name] ?? undefined });
+    mutable.nodeRefFromName = new Proxy(mutable.nodeRefFromName, {
+      get: (nodes, name) => nodes[name] ?? undefined,
+      set(nodes, name, node) {
+        nodes[name] = node;
+        if (name === "@KEY_LIGHT@") node?.children.filter(child => child.isDirectionalLight).forEach(castShadow);
+        return true;
+      },
+    });
   } });
+  // viser draws the shadow of each mesh three times, on maps of near, middle and far; one map round the hand is sharper
+  const castShadow = light => {
+    const { shadow } = light;
+    light.castShadow = true;
+    shadow.mapSize.set(1024, 1024);
+    shadow.bias = -0.003;
+    Object.assign(shadow.camera, { left: -@REACH@, right: @REACH@, bottom: -@REACH@, top: @REACH@, near: -@REACH@, far: @REACH@ + 2 });
+    shadow.camera.updateProjectionMatrix();
+  };
 }
-</script>"""
+</script>""".replace("@KEY_LIGHT@", stage.KEY_LIGHT).replace("@REACH@", str(stage.REACH))
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """The whole hand: palm, cuff, five fingers and five nails as skinned meshes for a sized hand, left or right."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -44,7 +44,7 @@ class HandMesh:
     rest: Array  # (bones, 3) m, where the bones' joints are while bound
 
     def parts(self) -> dict[str, SkinnedMesh]:
-        """All meshes by name: fingers and nails before the palm, the order in which translucent parts look right."""
+        """All meshes by name."""
         return {
             **self.fingers,
             **{f"{finger}_nail": nail for finger, nail in self.nails.items()},
@@ -52,13 +52,29 @@ class HandMesh:
             "cuff": self.cuff,
         }
 
+    def drawn(self, measured: Set[str]) -> dict[str, SkinnedMesh]:
+        """The meshes as they are drawn, one for what is painted alike: each is a call to the graphics processor, and another for its shadow.
+
+        Names say which fingers are in `fingers` and `nails` unless all are; `pale` has those that are not measured.
+        """
+        solid = [finger for finger in FINGERS if finger in measured]
+        rest = [finger for finger in FINGERS if finger not in measured]
+        some = "".join(f"_{finger}" for finger in solid) if rest else ""
+        groups = {
+            f"fingers{some}": [self.fingers[finger] for finger in solid],
+            f"nails{some}": [self.nails[finger] for finger in solid],
+            f"pale{some}": [which[f] for which in (self.fingers, self.nails) for f in rest],
+        }
+        together = {name: merged(meshes) for name, meshes in groups.items() if meshes}
+        return {**together, "palm": self.palm, "cuff": self.cuff}
+
     def ghost(self, whole: bool) -> dict[str, SkinnedMesh]:
         """What a second, translucent hand needs to lie over the first: its fingers from their first joint, or all of it."""
         without_forearm = cut_out(self.palm, 0.3 - carried_by(self.palm, "forearm"))
         parts = (
             {"hand": merged([*map(_opened, self.fingers.values()), without_forearm])}
             if whole
-            else self.whole_fingers
+            else {"fingers": merged([*self.whole_fingers.values()])}
         )
         return {name: inflated(mesh, _GHOST_OVER) for name, mesh in parts.items()}
 

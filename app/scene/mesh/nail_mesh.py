@@ -20,7 +20,7 @@ _DORSAL = np.array([1.0, 0.0, 0.0])
 def nail(shape: FingerShape) -> tuple[Array, Indices]:
     """Vertices (V, 3) and faces (F, 3) in the straight finger's coordinates."""
     x, y = np.meshgrid(
-        np.linspace(-1, 1, 21), np.linspace(0, 1, 21)
+        np.linspace(-1, 1, 15), np.linspace(0, 1, 15)
     )  # across, and from root to edge
     skin = shape.surface(_along(x, y, shape), np.pi / 2 + _half_angle(y) * x)
     top = (

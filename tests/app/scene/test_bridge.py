@@ -59,7 +59,7 @@ def test_what_is_shown_reaches_every_viewer(scene: HandScene, served: Site) -> N
             scene.show(angles, None)
         for viewer in (one, two):
             while not any(
-                turns(m, "/hand/index", 4, tip) for m in messages_of(viewer.recv(timeout=WAIT))
+                turns(m, "/hand/fingers", 9, tip) for m in messages_of(viewer.recv(timeout=WAIT))
             ):
                 pass
 
@@ -115,7 +115,7 @@ def test_a_viewer_that_does_not_read_holds_nobody_up(scene: HandScene, served: S
             bones.BONE["index_distal"]
         ]
         while not any(
-            turns(m, "/hand/index", 4, tip) for m in messages_of(reader.recv(timeout=WAIT))
+            turns(m, "/hand/fingers", 9, tip) for m in messages_of(reader.recv(timeout=WAIT))
         ):
             pass
 

@@ -16,6 +16,7 @@ from handscope.estimators.hand.anatomy import FINGERS, JOINT
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Bools
 from handscope.estimators.simulation.movements import task_performance
+from tests.app.scene.drawing_calls import COUNTED
 from tests.app.scene.small_site import COOKIE, PICTURE, SELDOM, WAIT, Site, eventually, site
 from tests.browser import UNDRAWN
 
@@ -77,7 +78,7 @@ def opened(
     width, height = QUICK
     context = browser.new_context(viewport={"width": width, "height": height})
     context.add_cookies([{**COOKIE, "url": f"http://{served.host}"}])  # type: ignore[list-item, typeddict-item]
-    context.add_init_script(SELDOM)
+    context.add_init_script(COUNTED + SELDOM)
     page = context.new_page()
     page.on("request", lambda request: hear(request.url))
     page.goto(served.address)
@@ -166,6 +167,29 @@ def test_a_hand_is_drawn_in_the_middle_at_every_size(
             hand_like(p) and p.share(p.skin) > more and np.ptp(np.nonzero(p.skin)[1]) > wider  # noqa: B023
         )
         seen(page, spread, tmp_path / f"spread-{size}.png")
+
+
+def test_a_picture_of_the_hand_takes_few_calls_and_triangles(page: Page, scene: HandScene) -> None:
+    """Of a whole hand with its shadow; a tablet's graphics processor has 16 ms for it."""
+    settled(page, hand_like)
+    for measured, calls in ((FINGERS, 13), (("thumb", "index"), 14)):
+        scene.measured(measured)
+        page.evaluate(DRAWN, 3)
+        page.evaluate("Object.assign(counted, { rendered: 0, calls: 0, triangles: 0 })")
+        page.wait_for_function("() => counted.rendered", timeout=1e3 * WAIT)
+        drawn = page.evaluate("counted")
+        assert drawn["calls"] <= calls * drawn["rendered"]
+        assert 30_000 < drawn["triangles"] / drawn["rendered"] < 50_000
+
+
+def test_one_light_casts_one_shadow(page: Page) -> None:
+    """Each light that does draws the hand again; none would leave the hand flat."""
+    casting = """() => {
+      const found = [];
+      __viserMutable.scene.traverse(one => one.isLight && one.castShadow && found.push(one.shadow.mapSize.width));
+      return found;
+    }"""
+    assert page.evaluate(casting) == [1024]
 
 
 def test_one_page_opens_one_socket_to_us_and_nothing_else(

@@ -31,7 +31,9 @@ def bent(angle: float) -> Array:
 def sees(viewer: ClientConnection, angle: float) -> bool:
     """Wait until the viewer is told of the index finger bent so."""
     tip = bones.pose(bent(angle), sized("left"))[0][bones.BONE["index_distal"]]
-    while not any(turns(m, "/hand/index", 4, tip) for m in messages_of(viewer.recv(timeout=WAIT))):
+    while not any(
+        turns(m, "/hand/fingers", 9, tip) for m in messages_of(viewer.recv(timeout=WAIT))
+    ):
         pass
     return True
 

@@ -1,0 +1,22 @@
+"""Counts what a page has the graphics processor draw: `counted` in it, from its first script on; nothing is drawn while `counted.drop`."""
+
+COUNTED = """
+  let rendering = false;
+  window.counted = { pictures: 0, rendered: 0, calls: 0, triangles: 0, drop: false };
+  const each = { drawArrays: 2, drawArraysInstanced: 2, drawElements: 1, drawElementsInstanced: 1, drawRangeElements: 3 };
+  for (const [name, at] of Object.entries(each)) {
+    const draw = WebGL2RenderingContext.prototype[name];
+    WebGL2RenderingContext.prototype[name] = function (...given) {
+      if (!rendering) {
+        rendering = true;
+        counted.rendered += 1;
+        queueMicrotask(() => (rendering = false)); // when all that was to be drawn at once is drawn
+      }
+      counted.calls += 1;
+      if (given[0] === this.TRIANGLES) counted.triangles += (given[at] / 3) * (name.endsWith("Instanced") ? given.at(-1) : 1);
+      if (!counted.drop) draw.apply(this, given);
+    };
+  }
+  const next = () => ((counted.pictures += 1), requestAnimationFrame(next));
+  requestAnimationFrame(next);
+"""
