@@ -1,4 +1,4 @@
-"""How far m2 drifts in an hour: angles and fingertips against time, the hand moving freely, with and without pauses.
+"""How far `m2` and `ekf` drift in an hour: angles and fingertips against time, the hand moving freely, with and without pauses.
 
 The recording is simulated, processed and compared piece by piece, so that the memory stays that of a minute.
 """
@@ -14,8 +14,8 @@ from handscope.app.report.units import DEG
 from handscope.estimators.data import trajectory
 from handscope.estimators.data.samples import ACC, GYR, Block, Stream
 from handscope.estimators.data.trajectory import Trajectory
-from handscope.estimators.hand.anatomy import IS_DOF, SEGMENTS
-from handscope.estimators.methods import m2
+from handscope.estimators.hand.anatomy import IS_DOF, JOINT, SEGMENTS
+from handscope.estimators.methods import METHODS, m2
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.recording_calibration import calibrate
 from handscope.estimators.simulation import kinematics, sensors
@@ -35,30 +35,39 @@ PIECE, PAUSE = 40.0, 10.0  # s of free movement, and of rest between two of them
 CM = 100.0
 MINUTES = (1, 2, 5, 10, 20, 30, 45, 60)  # rows of the table
 STREAM = Stream("imu", SEGMENTS, (GYR, ACC), RATE, "imu")
-KINDS: Mapping[
-    str, tuple[bool, dict[str, Any]]
-] = {  # whether there are pauses, options of the method
-    "pauses": (True, {}),
-    "no pause": (False, {}),
-    "no pause, rest_turn=0.03": (False, {"rest_turn": 0.03}),
+VARIANTS: Mapping[str, tuple[str, dict[str, Any]]] = {  # method and its options
+    "ekf": ("ekf", {}),
+    "m2": ("m2", {}),
+    "m2, rest_turn=0.03": ("m2", {"rest_turn": 0.03}),
 }
+PAUSES = {"pauses": True, "no pause": False}
+KINDS = tuple(f"{method}, {pauses}" for method, pauses in product(VARIANTS, PAUSES))
+FIELDS = {  # of Course, by the words of a column
+    "angles deg": "angles",
+    "tips cm": "tips",
+    "thumb's base deg": "base",
+    "other joints deg": "others",
+}
+QUANTITIES = tuple(FIELDS)
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One run: seed, kind and minutes."""
+    """One person who moves for so many minutes, with pauses or without."""
 
     seed: int
-    kind: str
+    pauses: str  # of PAUSES
     minutes: int
 
 
 @dataclass(frozen=True)
 class Course:
-    """RMSE minute by minute (minutes,): of all joint angles in deg, of the five tips in cm."""
+    """RMSE minute by minute (minutes,): of all joint angles in deg, of the five tips in cm, of the thumb's base alone and of all other joints in deg."""
 
     angles: Array
     tips: Array
+    base: Array
+    others: Array
 
 
 @dataclass(frozen=True)
@@ -73,45 +82,47 @@ class Worn:
 def trials(wanted: Wanted) -> Sequence[Trial]:
     """The trials that a reproduction of this size runs."""
     return [
-        Trial(seed, kind, wanted.minutes)
-        for kind, seed in product(KINDS, range(min(wanted.seeds, SEEDS)))
+        Trial(seed, pauses, wanted.minutes)
+        for pauses, seed in product(PAUSES, range(min(wanted.seeds, SEEDS)))
     ]
 
 
-def measure(trial: Trial) -> Course:
-    """Simulate, process and compare piece by piece."""
-    pauses, options = KINDS[trial.kind]
+def measure(trial: Trial) -> Mapping[str, Course]:
+    """Simulate, process by every method and compare, piece by piece."""
     of_person, of_motion, of_sensors = np.random.default_rng(trial.seed).spawn(3)
     person = draw_person("left", of_person)
     worn = Worn(
         person, sensors.mount_sensors(SEGMENTS, person.true, SensorErrors(), of_sensors), of_sensors
     )
-    sums, count = np.zeros((trial.minutes, 2)), np.zeros(trial.minutes)
-    for estimate, truth in _pieces(
-        m2.Params(**options), worn, _performances(60.0 * trial.minutes, pauses, person, of_motion)
-    ):
+    sums = {name: np.zeros((trial.minutes, len(FIELDS))) for name in VARIANTS}
+    count = {name: np.zeros(trial.minutes) for name in VARIANTS}
+    performances = _performances(60.0 * trial.minutes, PAUSES[trial.pauses], person, of_motion)
+    for name, estimate, truth in _pieces(worn, performances):
         minute = (estimate.t / 60).astype(int)
         kept = minute < trial.minutes
         for k, squares in enumerate(_squares(estimate, truth)):
-            sums[:, k] += np.bincount(minute[kept], squares[kept], trial.minutes)
-        count += np.bincount(minute[kept], minlength=trial.minutes)
-    rmse = np.sqrt(sums / count[:, None])
-    return Course(DEG * rmse[:, 0], CM * rmse[:, 1])
+            sums[name][:, k] += np.bincount(minute[kept], squares[kept], trial.minutes)
+        count[name] += np.bincount(minute[kept], minlength=trial.minutes)
+    return {
+        f"{name}, {trial.pauses}": _course(np.sqrt(sums[name] / count[name][:, None]))
+        for name in VARIANTS
+    }
 
 
-def finding(wanted: Wanted, results: Sequence[tuple[Trial, Course]]) -> Finding:
+def _course(rmse: Array) -> Course:
+    """Of root mean squares (minutes, 4) in rad and m."""
+    return Course(DEG * rmse[:, 0], CM * rmse[:, 1], DEG * rmse[:, 2], DEG * rmse[:, 3])
+
+
+def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, Course]]]) -> Finding:
     """The tables, ours beside the published ones, with remarks."""
     courses: Mapping[str, list[Course]] = {
-        kind: [course for trial, course in results if trial.kind == kind] for kind in KINDS
+        kind: [courses[kind] for _, courses in results if kind in courses] for kind in KINDS
     }
-    columns = tuple(f"{what}, {kind}" for what in ("angles deg", "tips cm") for kind in KINDS)
-    rows = [_row(f"minute {m}", courses, columns, m - 1, m) for m in MINUTES if m <= wanted.minutes]
-    rows += [
-        _row(f"first {m} min", courses, columns, 0, m) for m in (10, 60) if m <= wanted.minutes
+    tables = [
+        _table("RMSE against time since the initial pose", QUANTITIES[:2], courses, wanted.minutes),
+        _table("RMSE of angles by joint", QUANTITIES[2:], courses, wanted.minutes),
     ]
-    table = Table(
-        "RMSE of m2 against time since the initial pose", columns, tuple(rows), head="time"
-    )
     t = np.arange(0.5, wanted.minutes, dtype=float)
     panels = [
         [_line(kind, t, [getattr(c, what) for c in of]) for kind, of in courses.items()]
@@ -126,8 +137,8 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Course]]) -> Finding:
         "drift",
         "An hour without magnetometers",
         _setting(wanted),
-        (table,),
-        remarks=_remarks(rows),
+        tuple(tables),
+        remarks=_remarks(tables[0].rows),
         figures=figures,
     )
 
@@ -149,14 +160,18 @@ def _performances(
 
 
 def _pieces(
-    params: m2.Params, worn: Worn, performances: Iterator[Performance]
-) -> Iterator[tuple[Trajectory, Trajectory]]:
-    """Estimate and truth at the same instants, as the method gives them out."""
-    begin, state, pending = 0.0, None, trajectory.empty("left")
+    worn: Worn, performances: Iterator[Performance]
+) -> Iterator[tuple[str, Trajectory, Trajectory]]:
+    """Method, its estimate, and the truth at the same instants, as the methods give them out."""
+    methods = {
+        name: (METHODS[method], METHODS[method].Params(**options))
+        for name, (method, options) in VARIANTS.items()
+    }
+    begin, states, pending = 0.0, dict[str, Any](), trajectory.empty("left")
     for performance in performances:
         block, truth = _recorded(worn, performance, begin)
         begin += performance.motion.duration
-        if state is None:
+        if not states:
             pose = Simulated(
                 "left",
                 worn.person.declared,
@@ -165,16 +180,17 @@ def _pieces(
                 truth,
                 worn.sensors,
             )
-            calibration = calibrate(params, pose)[0][0]
-            state, block = (
-                m2.start(params, calibration, (STREAM,)),
-                block.between(calibration.t, np.inf),
-            )
+            for name, (method, params) in methods.items():
+                calibration = calibrate(params, pose)[0][0]
+                states[name] = method.start(params, calibration, (STREAM,))
+            block = block.between(calibration.t, np.inf)
         pending = trajectory.join([pending, truth], "left")
         for part in block.parts(1024):
-            state, estimate = m2.step(params, state, part)
-            if len(estimate):
-                yield estimate, pending.between(estimate.t[0] - 1e-6, estimate.t[-1] + 1e-6)
+            for name, (method, params) in methods.items():
+                states[name], estimate = method.step(params, states[name], part)
+                if len(estimate):
+                    known = pending.between(estimate.t[0] - 1e-6, estimate.t[-1] + 1e-6)
+                    yield name, estimate, known
         pending = pending.between(begin - PIECE, np.inf)
 
 
@@ -190,25 +206,48 @@ def _recorded(worn: Worn, performance: Performance, begin: float) -> tuple[Block
     ), kinematics.true_trajectory(k, "left")
 
 
-def _squares(estimate: Trajectory, truth: Trajectory) -> tuple[Array, Array]:
-    """Mean squared error (n,) of all freedoms and of the five tips."""
+def _squares(estimate: Trajectory, truth: Trajectory) -> tuple[Array, ...]:
+    """Mean squared error (n,) of all freedoms, of the five tips, of the thumb's base and of the other joints."""
     assert len(estimate) == len(truth), "an instant without a truth"
-    angle = angle_difference(estimate.angles, truth.angles)[:, IS_DOF]
+    angle = angle_difference(estimate.angles, truth.angles)
+    of_base = np.zeros_like(IS_DOF)
+    of_base[JOINT["thumb_cmc"]] = IS_DOF[JOINT["thumb_cmc"]]
     tip = np.linalg.norm(estimate.tips - truth.tips, axis=-1)
-    return (angle**2).mean(axis=1), (tip**2).mean(axis=1)
+    base, others = angle[:, of_base], angle[:, IS_DOF & ~of_base]
+    return (
+        (angle[:, IS_DOF] ** 2).mean(axis=1),
+        (tip**2).mean(axis=1),
+        (base**2).mean(axis=1),
+        (others**2).mean(axis=1),
+    )
+
+
+def _table(
+    title: str, quantities: Sequence[str], courses: Mapping[str, list[Course]], minutes: int
+) -> Table:
+    """One row a minute of MINUTES, and the first ten and sixty together."""
+    columns = tuple(f"{name}, {kind}" for name in quantities for kind in courses)
+    spans = [(f"minute {m}", m - 1, m) for m in MINUTES if m <= minutes]
+    spans += [(f"first {m} min", 0, m) for m in (10, 60) if m <= minutes]
+    rows = tuple(_row(name, quantities, courses, first, last) for name, first, last in spans)
+    return Table(title, columns, rows, head="time")
 
 
 def _row(
-    name: str, courses: Mapping[str, list[Course]], columns: Sequence[str], first: int, last: int
+    name: str,
+    quantities: Sequence[str],
+    courses: Mapping[str, list[Course]],
+    first: int,
+    last: int,
 ) -> Row:
-    def over(what: str, kind: str) -> Spread:
+    def over(field: str, kind: str) -> Spread:
         return spread(
-            float(np.sqrt((getattr(c, what)[first:last] ** 2).mean())) for c in courses[kind]
+            float(np.sqrt((getattr(c, field)[first:last] ** 2).mean())) for c in courses[kind]
         )
 
     return Row(
         name,
-        dict(zip(columns, (over(what, kind) for what in ("angles", "tips") for kind in KINDS))),
+        {f"{what}, {kind}": over(FIELDS[what], kind) for what in quantities for kind in courses},
     )
 
 
@@ -243,7 +282,7 @@ def _remarks(rows: Sequence[Row]) -> tuple[str, ...]:
 def _setting(wanted: Wanted) -> tuple[str, ...]:
     walked = SensorErrors().gyr_bias_walk * np.sqrt(3600.0)
     return (
-        f"Seeds: {min(wanted.seeds, SEEDS)}. {wanted.minutes} simulated minutes each; method m2 with its defaults as it runs live, one initial pose at the start "
+        f"Seeds: {min(wanted.seeds, SEEDS)}. {wanted.minutes} simulated minutes each; methods with their defaults as they run live, one initial pose at the start "
         f"and none after it (held exactly: the offset that a missed pose leaves is no drift). All joints move from one random posture to another while the "
         f"whole hand moves about; with a pause of {PAUSE:g} s every {PIECE:g} s, or without. In an hour a gyroscope's bias walks by {walked:.3f} deg/s (SD).",
         "Error sizes as listed under `Error sizes`, but for the pose. Drawn: the mean over the seeds, and from the least to the largest.",

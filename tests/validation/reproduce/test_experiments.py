@@ -128,10 +128,12 @@ def test_a_joint_deviates_only_while_it_stays_and_another_moves() -> None:
 
 
 def test_drift_begins_small_and_is_measured_minute_by_minute(tmp_path: Path) -> None:
-    course = drift.measure(drift.Trial(0, "pauses", 1))
-    assert course.angles.shape == course.tips.shape == (1,)
-    assert 0.1 < course.angles[0] < 10.0  # deg
-    assert 0.05 < course.tips[0] < 3.0  # cm
+    courses = drift.measure(drift.Trial(0, "pauses", 1))
+    assert set(courses) == {f"{name}, pauses" for name in drift.VARIANTS}
+    for course in courses.values():
+        assert course.angles.shape == course.tips.shape == (1,)
+        assert 0.1 < course.angles[0] < 10.0  # deg
+        assert 0.05 < course.tips[0] < 3.0  # cm
 
 
 def test_the_wrist_misses_the_pose_alone_where_it_is_told_to() -> None:
