@@ -4,7 +4,7 @@ In      rotations of the four sensors of a chain since the previous sample (fing
 Out     joint rotations at every sample with the covariance of their errors d: q_true = q exp(d)
 Source  Kortier, thesis ch. 2: state (2.3), (2.5); errors (2.15)-(2.22); his q^{ij} is our q_pc with
         i = p, j = c. Between updates the sensors' rotations are preintegrated with their derivatives by the biases (Forster et al. 2017, IEEE Trans Robot 33:1), exactly for piecewise constant rates. Ours: the sensor-to-segment rotation q_SB and the soft-tissue gain are estimated, where the thesis trusts a calibration
-Limits  time-correlated noise is modelled as larger white noise; every chain estimates the hand's sensor for itself, and only of its bias the thumb's hears from the others (hand_bias.py)
+Limits  time-correlated noise is modelled as larger white noise; every chain estimates the hand's sensor for itself; of its bias the thumb's, of its mounting also the wrist's gets what the fingers have gained (between_chains/)
 """
 
 from collections.abc import Iterator
@@ -15,11 +15,9 @@ import numpy as np
 
 from handscope.estimators.data.mounting_change import MountingChange
 from handscope.estimators.data.options import option
-from handscope.estimators.finger_ekf import (
-    hand_bias,
-    mounting_change,
-    sensor_to_segment,
-)
+from handscope.estimators.finger_ekf import mounting_change, sensor_to_segment
+from handscope.estimators.finger_ekf.between_chains import hand_bias, hand_mounting
+from handscope.estimators.finger_ekf.between_chains.chain_estimates import Estimates
 from handscope.estimators.finger_ekf.chain_state import ChainState, Joints, Window
 from handscope.estimators.finger_ekf.kernel_params import KernelParams
 from handscope.estimators.finger_ekf.magnetic_heading import MagnetometerParams
@@ -89,6 +87,12 @@ class FilterParams(UpdateParams, SensorToSegmentParams, MagnetometerParams):
         "",
         "tell the thumb's filter what those of the other fingers learn of the bias of the hand's gyroscope",
         "ours: docs/decisions/0015-drift-of-the-thumbs-base.md",
+    )
+    shared_mounting: bool = option(
+        True,
+        "",
+        "tell the filters of thumb and wrist what those of the other fingers learn of how the hand's sensor sits",
+        "ours: docs/decisions/0021-shared-mounting.md",
     )
 
 
@@ -175,6 +179,7 @@ class State:
     mounting_information: Array
     is_hand: bool = False  # the chains are the thumb, the four fingers and the wrist of one hand
     reported: hand_bias.Reported | None = None  # None: nothing yet
+    shared_mounting: hand_mounting.Shared | None = None  # None: nothing yet
     history: mounting_change.History | None = None  # None: nothing yet
     mounting_changes: tuple[MountingChange, ...] = ()
 
@@ -269,6 +274,8 @@ def step(params: FilterParams, state: State, samples: Samples) -> tuple[State, E
             )
             if params.shared_bias and state.is_hand:
                 state = _share_bias(params, state)
+            if params.shared_mounting and state.is_hand:
+                state = _share_mounting(params, state)
             if params.mounting_changes and state.is_hand:
                 state = _look_for_mounting_change(state)
             update_rows.append(first - 1)
@@ -328,11 +335,31 @@ def _share_bias(params: FilterParams, state: State) -> State:
     if reported is None:
         return state
     gained = hand_bias.gained(reported, now, np.radians(params.bias_walk))
-    chains = hand_bias.Estimates(*_copies(state, hand_bias.Estimates))
-    thumb = hand_bias.Estimates(*(of_all[hand_bias.THUMB] for of_all in chains))
+    chains = Estimates(*_copies(state, Estimates))
+    thumb = Estimates(*(of_all[hand_bias.THUMB] for of_all in chains))
     for of_all, of_thumb in zip(chains, hand_bias.corrected(thumb, *gained)):
         of_all[hand_bias.THUMB] = of_thumb
     return replace(state, **chains._asdict())
+
+
+def _share_mounting(params: FilterParams, state: State) -> State:
+    """Tell the thumb's and the wrist's chain what the fingers have learnt of the hand's mounting, if it is time."""
+    shared = state.shared_mounting
+    if shared is None:
+        return replace(state, shared_mounting=hand_mounting.begin(state.t, state.q_SB, state.P))
+    if state.t - shared.t < hand_mounting.EVERY - 1e-9:
+        return state
+    found = hand_mounting.gained_since(
+        shared, state.q_SB, state.P, state.known, np.radians(params.dimension_noise)
+    )
+    chains = Estimates(*_copies(state, Estimates))
+    for k, (chain, _) in enumerate(hand_mounting.RECEIVERS):
+        if state.known[chain, 0]:
+            own = Estimates(*(of_all[chain] for of_all in chains))
+            shared, own = hand_mounting.report(shared, state.t, k, own, *found)
+            for of_all, of_own in zip(chains, own):
+                of_all[chain] = of_own
+    return replace(state, shared_mounting=shared._replace(t=state.t), **chains._asdict())
 
 
 def _look_for_mounting_change(state: State) -> State:
@@ -363,13 +390,14 @@ def _look_for_mounting_change(state: State) -> State:
         state,
         P=mounting_change.widen(change, state.P),
         compliance_stats=before,
+        shared_mounting=None,  # what the fingers know from now on
         history=mounting_change.begin(state.t),
         mounting_changes=(*state.mounting_changes, change),
     )
 
 
 def _copies(
-    state: State, record: type[ChainState | Joints | Window | hand_bias.Estimates]
+    state: State, record: type[ChainState | Joints | Window | Estimates]
 ) -> Iterator[Array]:
     """Copies of the state's arrays that a record has, as contiguous floats: what a kernel writes does not reach the state."""
     return (np.array(getattr(state, name), float, order="C") for name in record._fields)
@@ -396,7 +424,7 @@ def _start_joints(
         P[np.ix_([f], own, np.arange(SIZE))] = 0.0
         P[np.ix_([f], np.arange(SIZE), own)] = 0.0
         P[np.ix_([f], own, own)] = posed[np.ix_([f], own, own)]
-    return replace(state, q_pc=q_pc, P=P, known=samples.known[row].copy())
+    return replace(state, q_pc=q_pc, P=P, known=samples.known[row].copy(), shared_mounting=None)
 
 
 def _error_rows(fresh: Bools, first: bool) -> Indices:

@@ -56,7 +56,13 @@ def test_a_recording_holds_the_same_samples_and_events(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("method", "options"),
-    [("m2", ()), ("ekf", ("pose_sd=1.45", "pose_inference=false", "shared_bias=false"))],
+    [
+        ("m2", ()),
+        (
+            "ekf",
+            ("pose_sd=1.45", "pose_inference=false", "shared_bias=false", "shared_mounting=false"),
+        ),
+    ],
 )
 def test_a_method_gives_the_derivative_that_was_kept(
     method: str, options: tuple[str, ...], tmp_path: Path

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from handscope.estimators.finger_ekf import hand_bias
-from handscope.estimators.finger_ekf.hand_bias import HAND, Estimates, Reported
+from handscope.estimators.finger_ekf.between_chains import hand_bias
+from handscope.estimators.finger_ekf.between_chains.chain_estimates import Estimates
+from handscope.estimators.finger_ekf.between_chains.hand_bias import HAND, Reported
 from handscope.estimators.finger_ekf.sensor_to_segment import SIZE
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array

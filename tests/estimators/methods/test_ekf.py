@@ -234,7 +234,7 @@ def test_a_functional_calibration_tells_how_well_it_is_known_how_the_sensors_sit
             np.abs(error / moved.angles_sd[judged_samples(recording)][:, IS_DOF]),
         ]
     assert found[0] < 1.5
-    assert found[0] < 0.5 * found[2]
+    assert found[0] < 0.75 * found[2]
     assert (found[1] < 2).mean() > 0.95
     assert (
         found[3] < 2
@@ -317,7 +317,7 @@ def test_gaps_leave_no_nan_and_a_long_one_is_less_sure() -> None:
 def test_removing_a_strip_changes_no_bit_of_the_other_fingers(missing: str) -> None:
     whole = in_strips("left")
     part = with_samples(whole, {name: b for name, b in whole.samples.items() if name != missing})
-    params = replace(PARAMS, pose_inference=False, shared_bias=False)
+    params = replace(PARAMS, pose_inference=False, shared_bias=False, shared_mounting=False)
     expected, moved = _tracked(whole, params), _tracked(part, params)
     own = [JOINT[j.name] for j in JOINTS if not {j.parent, j.child} & _segments(missing)]
     np.testing.assert_array_equal(moved.angles[:, own], expected.angles[:, own])
@@ -328,13 +328,15 @@ def test_removing_a_strip_changes_no_bit_of_the_other_fingers(missing: str) -> N
         assert np.isnan(moved.tips[:, FINGERS.index(missing)]).all()
 
 
-def test_what_the_fingers_tell_the_thumb_comes_back_to_none_of_them() -> None:
+def test_what_the_fingers_tell_thumb_and_wrist_comes_back_to_none_of_them() -> None:
     """Over movement of the whole hand; where it rests nothing is told."""
     whole = experiment_in_strips(SensorErrors(), "free")
-    expected, moved = _tracked(whole, replace(PARAMS, shared_bias=False)), _tracked(whole)
-    of_thumb = np.array(["thumb" in j.name for j in JOINTS])
-    np.testing.assert_array_equal(moved.angles[:, ~of_thumb], expected.angles[:, ~of_thumb])
-    assert (moved.angles[:, JOINT["thumb_cmc"]] != expected.angles[:, JOINT["thumb_cmc"]]).any()
+    expected = _tracked(whole, replace(PARAMS, shared_bias=False, shared_mounting=False))
+    moved = _tracked(whole)
+    are_told = np.array(["thumb" in j.name or j.name == "wrist" for j in JOINTS])
+    np.testing.assert_array_equal(moved.angles[:, ~are_told], expected.angles[:, ~are_told])
+    for joint in ("thumb_cmc", "wrist"):
+        assert (moved.angles[:, JOINT[joint]] != expected.angles[:, JOINT[joint]]).any()
 
 
 @pytest.mark.parametrize("missing", ["index", "forearm"])

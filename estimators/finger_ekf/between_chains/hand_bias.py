@@ -12,10 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from handscope.estimators.finger_ekf.sensor_to_segment import (
-    ERROR,
-)
-from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.finger_ekf.between_chains import chain_estimates
+from handscope.estimators.finger_ekf.between_chains.chain_estimates import Estimates
+from handscope.estimators.finger_ekf.sensor_to_segment import ERROR
 from handscope.estimators.numerics.typing import Array, Bools
 
 THUMB, FINGERS = 0, slice(1, 5)  # chains
@@ -34,17 +33,6 @@ class Reported(NamedTuple):
     bias: Array  # (4, 3) rad/s
     P: Array  # (4, 3, 3) (rad/s)^2
     rest_rate: Array  # (4, 3) rad/s, of the hand's newest rest
-
-
-class Estimates(NamedTuple):
-    """Means of a chain and the covariance of their errors; filter.State tells shapes and units."""
-
-    q_pc: Array
-    bias: Array
-    q_SB: Array
-    soft_tissue_gain: Array
-    field_difference: Array
-    P: Array
 
 
 def ask(t: float, bias: Array, P: Array, previous_rest_rate: Array) -> Reported:
@@ -93,16 +81,4 @@ def corrected(thumb: Estimates, information: Array, information_vector: Array) -
     PH = P[:, HAND] @ H.T
     S = H @ PH[HAND] + np.diag(1.0 / values[some])
     K = np.linalg.solve(S, PH.T).T
-    dx, left = K @ innovation, P - K @ PH.T
-    return Estimates(
-        _turned(thumb.q_pc, dx[: ERROR.bias]),
-        thumb.bias + dx[ERROR.bias : ERROR.q_SB].reshape(4, 3),
-        _turned(thumb.q_SB, dx[ERROR.q_SB : ERROR.soft_tissue]),
-        thumb.soft_tissue_gain + dx[ERROR.soft_tissue : ERROR.field_difference].reshape(3, 3),
-        thumb.field_difference + np.array([dx[ERROR.field_difference], 0.0]),
-        0.5 * (left + left.T),
-    )
-
-
-def _turned(q: Array, d: Array) -> Array:
-    return quat.normalize(quat.multiply(q, quat.exp(d.reshape(-1, 3))))
+    return chain_estimates.corrected(thumb, K @ innovation, P - K @ PH.T)
