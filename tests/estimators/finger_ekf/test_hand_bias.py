@@ -39,7 +39,7 @@ def test_a_rest_of_the_hand_that_every_chain_saw_is_not_told() -> None:
 
 
 def test_the_thumb_knows_the_bias_better_and_as_well_as_it_says() -> None:
-    """Ten minutes, 300 people. Half of the variance of what a chain sees is the hand sensor's own and in all five chains."""
+    """Five minutes, 300 people. Half of the variance of what a chain sees is the hand sensor's own and in all five chains."""
     rng, people = np.random.default_rng(3), 300
     squares: dict[bool, list[float]] = {True: [], False: []}
     errors: dict[bool, list[float]] = {True: [], False: []}
@@ -48,7 +48,7 @@ def test_the_thumb_knows_the_bias_better_and_as_well_as_it_says() -> None:
         bias, P = np.zeros((5, 3)), np.tile(START**2 * np.eye(3), (5, 1, 1))
         thumbs = {shared: _thumb(np.zeros(3)) for shared in (True, False)}
         reported = Reported(0.0, bias[1:], P[1:], NO_REST)
-        for k in range(1, 121):
+        for k in range(1, 61):
             truth = truth + WALK * np.sqrt(SPAN) * rng.normal(size=3)
             common, own = rng.normal(size=3), rng.normal(size=(5, 3))
             seen = truth + NOISE * np.sqrt(0.5) * (common + own)
