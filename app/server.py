@@ -41,6 +41,7 @@ from handscope.app.auth.gate import Gate
 from handscope.app.auth.incoming_text import PlainAddresses
 from handscope.app.auth.request_limits import RequestLimits
 from handscope.app.auth.security_headers import SecurityHeaders
+from handscope.app.documents import Documents
 from handscope.app.job_queue import Jobs
 from handscope.app.live.relays import Relays, relay_account
 from handscope.app.live.station import Station
@@ -81,11 +82,19 @@ def create_app(settings: Settings) -> FastAPI:
             Heartbeat(store),
             UploadReader() as upload_reader,
             Jobs(store) as jobs,
+            Documents(store) as documents,
             Stations(lambda station: _store_finished(app.state.parts, station)) as open_stations,
             Relays(open_stations, lambda session: app.state.repair.add(session)) as open_relays,
         ):
             app.state.parts = Parts(
-                settings, store, jobs, open_stations, upload_reader, storage_mover, open_relays
+                settings,
+                store,
+                jobs,
+                documents,
+                open_stations,
+                upload_reader,
+                storage_mover,
+                open_relays,
             )
             left = await anyio.to_thread.run_sync(_list_left_open, store, open_relays)
             finish = partial(_process_closed, app)

@@ -6,12 +6,13 @@ from typing import Annotated
 
 from fastapi import Depends, Query
 from sqlalchemy.orm import Session
-from starlette.requests import HTTPConnection
+from starlette.requests import HTTPConnection, Request
 
 from handscope.app import language as languages
 from handscope.app.api.broadcast import Broadcasts
 from handscope.app.auth.pending_logins import PendingLogins
 from handscope.app.auth.roles import Requester, on_behalf_of, requester
+from handscope.app.documents import Asked, Documents
 from handscope.app.job_queue import Jobs
 from handscope.app.language import Language
 from handscope.app.live.outputs.permits import Permits
@@ -38,6 +39,7 @@ class Parts:
     settings: Settings
     store: Store
     jobs: Jobs
+    documents: Documents
     stations: Stations
     upload_reader: UploadReader
     storage_mover: StorageMover | None  # where there is an object storage
@@ -53,6 +55,11 @@ def parts(connection: HTTPConnection) -> Parts:
     """The parts of the application that serves this request or web socket."""
     value: Parts = connection.app.state.parts
     return value
+
+
+def documents(request: Request) -> Asked:
+    """What makes documents for whoever asks by this request, as long as they wait."""
+    return Asked(parts(request).documents, request.is_disconnected)
 
 
 def repair(connection: HTTPConnection) -> SessionRepair:
@@ -113,3 +120,4 @@ RepairDep = Annotated[SessionRepair, Depends(repair)]
 PartsDep = Annotated[Parts, Depends(parts)]
 Db = Annotated[Session, Depends(database)]
 LanguageDep = Annotated[Language, Depends(language)]
+DocumentsDep = Annotated[Asked, Depends(documents)]

@@ -13,6 +13,7 @@ from handscope.app.api.pages import page
 from handscope.app.auth.gate import asks_for_page
 from handscope.app.auth.security_headers import headers_of
 from handscope.app.database_answers import NO_ROOM, answer_to_database, route_of
+from handscope.app.documents import LeftError
 from handscope.app.error_body import error_body
 from handscope.app.input_mistakes import describe_mistake
 from handscope.app.state import preferred
@@ -86,6 +87,7 @@ NOT_FOUND = frozenset(  # what was asked for is not there: 404
         "wards.unknown_name",
     }
 )
+LEFT = 499  # a proxy's code for who closed the connection; nobody reads it
 log = logging.getLogger(__name__)
 
 
@@ -107,6 +109,10 @@ def install(app: FastAPI) -> None:
             429,
             headers={"Retry-After": str(round(error.wait))},
         )
+
+    @app.exception_handler(LeftError)
+    async def left(request: Request, error: LeftError) -> Response:
+        return Response(status_code=LEFT)
 
     @app.exception_handler(InputError)
     async def mistake(request: Request, error: InputError) -> JSONResponse:

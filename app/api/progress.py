@@ -9,14 +9,14 @@ from fastapi import APIRouter, Response
 from handscope.app.api.pseudonymisation import for_reader
 from handscope.app.api.treatment.routes import event_row, goal_row
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
-from handscope.app.job_queue import make_progress_report
+from handscope.app.documents import make_progress_report
 from handscope.app.language import Language
 from handscope.app.protocols import offered
 from handscope.app.report import Paper
 from handscope.app.report.changes import Judge
 from handscope.app.report.progress.labels import label
 from handscope.app.report.progress.series import Course, Progress, Series, progress
-from handscope.app.state import Db, LanguageDep, PartsDep
+from handscope.app.state import Db, DocumentsDep, LanguageDep, PartsDep
 from handscope.estimators.hand.anatomy import HANDS, Hand
 from handscope.sessions.clinic import patients, repeatability
 from handscope.sessions.db.tables import Goal
@@ -49,10 +49,14 @@ def read_progress(
 
 @router.get("/{patient_id}/progress.pdf", dependencies=[requires_role(CLINICIAN, does="exported")])
 async def read_progress_report(
-    parts: PartsDep, language: LanguageDep, patient_id: int, hand: Hand, paper: Paper = "a4"
+    documents: DocumentsDep,
+    language: LanguageDep,
+    patient_id: int,
+    hand: Hand,
+    paper: Paper = "a4",
 ) -> Response:
     """The progress of a hand as pdf: charts with goals and treatment on the first page, then every figure."""
-    data = await parts.jobs.run(make_progress_report, patient_id, hand, language.code, paper)
+    data = await documents.run(make_progress_report, patient_id, hand, language.code, paper)
     name = f"handscope-progress-{patient_id}-{hand}.pdf"
     headers = {"Content-Disposition": f'inline; filename="{name}"'}
     return Response(data, media_type="application/pdf", headers=headers)

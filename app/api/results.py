@@ -10,7 +10,7 @@ from starlette.responses import Response
 from handscope.app.api.pseudonymisation import events_for
 from handscope.app.api.references import ReferencesDep, references_payload
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
-from handscope.app.job_queue import make_derivative, make_export, make_replay_file, make_report
+from handscope.app.documents import make_derivative, make_export, make_replay_file, make_report
 from handscope.app.protocols import offered
 from handscope.app.report import Paper
 from handscope.app.report.gradings import DEFAULT, uninjured
@@ -20,7 +20,7 @@ from handscope.app.report.units import READABLE
 from handscope.app.results.curves import APERTURE, compare_results, load_curves
 from handscope.app.results.report import comparisons_of, goal_readings
 from handscope.app.results.result_view import readings
-from handscope.app.state import Db, LanguageDep, PartsDep
+from handscope.app.state import Db, DocumentsDep, LanguageDep, PartsDep
 from handscope.estimators.errors import InputError
 from handscope.estimators.measures.comparison import Agreement
 from handscope.estimators.measures.total_active_motion import GRADINGS
@@ -183,7 +183,7 @@ def compare(
 @router.get("/{result_id}/report.{form}", dependencies=[requires_role(CLINICIAN, does="exported")])
 async def read_report(
     db: Db,
-    parts: PartsDep,
+    documents: DocumentsDep,
     language: LanguageDep,
     result_id: int,
     form: str,
@@ -195,8 +195,14 @@ async def read_report(
     if form not in FORMS:
         raise InputError("api.unknown_report_form", form=form, forms=", ".join(FORMS))
     result = await asyncio.to_thread(lambda: results.require_done(results.get(db, result_id)))
-    data = await parts.jobs.run(
-        make_report, result_id, form, language.code, paper, grading, references
+    data = await documents.run(
+        make_report,
+        result_id,
+        form,
+        language.code,
+        paper,
+        grading,
+        references,
     )
     return _download(
         data,
@@ -211,11 +217,11 @@ async def read_report(
     dependencies=[requires_role(CLINICIAN, SCIENTIST, does="exported")],
 )
 async def read_derivative(
-    db: Db, parts: PartsDep, requester: RequesterDep, result_id: int
+    db: Db, documents: DocumentsDep, requester: RequesterDep, result_id: int
 ) -> Response:
     """The derivative as Motion-BIDS: joint angles, fingertips, orientations."""
     result = await asyncio.to_thread(lambda: results.require_done(results.get(db, result_id)))
-    data = await parts.jobs.run(make_derivative, result_id, requester.sees_all)
+    data = await documents.run(make_derivative, result_id, requester.sees_all)
     return _download(
         data,
         "application/zip",
@@ -238,13 +244,13 @@ def list_exports(db: Db, language: LanguageDep, result_id: int) -> list[dict[str
     dependencies=[requires_role(CLINICIAN, SCIENTIST, does="exported")],
 )
 async def read_export(
-    db: Db, parts: PartsDep, requester: RequesterDep, result_id: int, form: str
+    db: Db, documents: DocumentsDep, requester: RequesterDep, result_id: int, form: str
 ) -> Response:
     """The movement in another program's format; a folder comes as a zip. No name and no date of birth is in any of them."""
     if form not in FORMATS:
         raise InputError("export.unknown_format", name=form, names=", ".join(FORMATS))
     result = await asyncio.to_thread(lambda: results.require_done(results.get(db, result_id)))
-    data = await parts.jobs.run(make_export, result_id, form, requester.sees_all)
+    data = await documents.run(make_export, result_id, form, requester.sees_all)
     stem = f"handscope-session-{result.recording.session_id}-{result.method}-{form}"
     wanted = FORMATS[form]
     ending = download_ending(wanted)
@@ -257,7 +263,7 @@ async def read_export(
 )
 async def read_replay_file(
     db: Db,
-    parts: PartsDep,
+    documents: DocumentsDep,
     language: LanguageDep,
     result_id: int,
     named: Annotated[
@@ -267,7 +273,7 @@ async def read_replay_file(
 ) -> Response:
     """The movement in 3-D as one file that opens in a browser without a network."""
     result = await asyncio.to_thread(lambda: results.require_done(results.get(db, result_id)))
-    data = await parts.jobs.run(make_replay_file, result_id, named, language.code)
+    data = await documents.run(make_replay_file, result_id, named, language.code)
     return _download(data, "text/html", f"handscope-replay-{result.id}.html")
 
 

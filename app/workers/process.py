@@ -52,6 +52,7 @@ class WorkerProcess(Generic[C]):
         self._prepare, self._arguments = prepare, arguments
         self._starting = threading.Lock()
         self._process: BaseProcess | None = None
+        self._was_killed = False
 
     def __enter__(self) -> "WorkerProcess[C]":
         return self
@@ -99,6 +100,7 @@ class WorkerProcess(Generic[C]):
         """End the process at once."""
         with self._starting:
             if self._process is not None:
+                self._was_killed = True
                 self._process.kill()
 
     def start(self) -> None:
@@ -107,11 +109,13 @@ class WorkerProcess(Generic[C]):
             if self.alive:
                 return
             if self._process is not None:
-                log.error(
+                log.log(
+                    logging.INFO if self._was_killed else logging.ERROR,
                     "the process for long work ended (%s); another is started",
                     self._process.exitcode,
                 )
                 self.__exit__()
+            self._was_killed = False
             self._pipe, theirs = CONTEXT.Pipe()
             given = (theirs, dict(os.environ), self._prepare, self._arguments)
             process = CONTEXT.Process(target=_serve, args=given, name="handscope work", daemon=True)
