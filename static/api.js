@@ -58,7 +58,8 @@ export function makeApi(stranger) {
     patch: (path, body) => call("PATCH", path, body),
     put: (path, body) => call("PUT", path, body),
     remove: (path) => call("DELETE", path),
-    file: async (path) => (await reach(path, {})).blob(),
+    /** What is there, whole; `signal` stops it on its way. */
+    file: async (path, signal) => (await reach(path, { signal })).blob(),
     upload,
     /** Titles of tasks by name. */
     titles: () => (protocols.loading ??= loadTitles()),

@@ -4,10 +4,11 @@ import { errorBox, once } from "../forms.js";
 import { language } from "../words/languages.js";
 import { t } from "../words/words.js";
 import { versionOf } from "./references.js";
+import { saving } from "./saving.js";
 
 export function mount(root, api, { session, result, go }) {
   const box = errorBox();
-  const status = h("p", { class: "soft small", role: "status" });
+  const { element: status, save } = saving(api);
   const base = `/api/results/${result.id}`;
   const name = (end) => `handscope-session-${session.id}-${result.method}${end}`;
 
@@ -20,19 +21,6 @@ export function mount(root, api, { session, result, go }) {
   /** A report in a window of its own. */
   function opened(words, href, look = "button clinicians") {
     return h("a", { class: look, href, target: "_blank", rel: "noopener" }, words);
-  }
-
-  async function save(path, file) {
-    status.textContent = t("downloads.preparing", { file });
-    try {
-      const address = URL.createObjectURL(await api.file(path));
-      h("a", { href: address, download: file }).click();
-      setTimeout(() => URL.revokeObjectURL(address), 60_000);
-      status.textContent = t("downloads.saved", { file });
-    } catch (error) {
-      status.textContent = "";
-      throw error;
-    }
   }
 
   const replay = h(

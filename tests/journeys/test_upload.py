@@ -18,6 +18,7 @@ from tests.journeys.house import (
     keep_picture,
     keep_screen,
     scene_drawn,
+    sent_late,
     shown,
     simulate,
 )
@@ -41,6 +42,14 @@ def test_an_uploaded_recording_gives_numbers_and_a_replay(
     page.reload()  # the computation does not belong to the page
     shown(page.get_by_role("heading", name="Finger tapping"))
     assert int(figure(page, "Taps")) > 20
+
+    page.get_by_text("Tables and data").click()
+    with sent_late(page, "**/derivative.zip"):
+        page.get_by_role("button", name="Movement (Motion-BIDS zip)").click()
+        shown(page.get_by_role("progressbar", name="Preparing"))
+        keep_screen(page, "preparing-a-file")
+        page.get_by_role("button", name="Stop", exact=True).click()
+        shown(page.get_by_text("Stopped: handscope-session-"))
 
     page.get_by_text("Process again").click()
     page.get_by_text("Options of the method").click()
