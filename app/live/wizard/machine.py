@@ -81,7 +81,9 @@ def act(
 ) -> tuple[Wizard, Sequence[Effect]]:
     """Carry out a person's action; NotNowError where the state does not offer it."""
     if what not in wizard.allowed(status):
-        raise NotNowError(phrase("live.not_now", what=what, state=wizard.state))
+        if what in wizard.allowed(replace(status, flowing=True)):
+            raise NotNowError(phrase("live.no_samples_now"))
+        raise NotNowError(phrase("live.not_now"))
     if score is not None:
         _require_score(wizard, what, score)
     if what in (Action.ONWARD, Action.CLOSE):
