@@ -1,7 +1,7 @@
 """Nobody sees anything without a login; the printed address lets in once."""
 
 import pytest
-from playwright.sync_api import Page, Route, expect
+from playwright.sync_api import Locator, Page, Route, expect
 
 from tests.journeys.house import Server, api, held_back, keep_picture, sent_late, shown
 
@@ -34,13 +34,23 @@ def test_the_printed_address_lets_in_once(newcomer: Page, server: Server) -> Non
     keep_picture(newcomer, "login")
 
 
+def code_form(page: Page) -> Locator:
+    """Where a one-time code is entered: folded below the password where an account has one, as other journeys may have left it."""
+    page.wait_for_load_state("networkidle")
+    form = page.locator("form").filter(has=page.locator("#code"))
+    if form.is_hidden():
+        page.locator("summary", has_text="I have a one-time code").click()
+    return form
+
+
 def test_a_code_can_be_pasted_as_it_was_printed(newcomer: Page, server: Server) -> None:
     newcomer.goto(server.base)
-    newcomer.get_by_label("One-time code").fill("wrong")
-    newcomer.get_by_role("button", name="Log in").click()
-    expect(newcomer.get_by_role("alert")).to_contain_text("handscope login")
-    newcomer.get_by_label("One-time code").fill(server.address())
-    newcomer.get_by_role("button", name="Log in").click()
+    form = code_form(newcomer)
+    form.get_by_label("One-time code").fill("wrong")
+    form.get_by_role("button", name="Log in").click()
+    expect(newcomer.get_by_role("alert").filter(has_text="handscope login")).to_be_visible()
+    form.get_by_label("One-time code").fill(server.address())
+    form.get_by_role("button", name="Log in").click()
     expect(newcomer.get_by_role("heading", name="Patients")).to_be_visible()
 
 
@@ -93,7 +103,8 @@ def test_a_question_answered_while_its_page_is_left_does_not_lead_away_again(
             page.get_by_role("button", name="Log out").click(no_wait_after=True)
     assert answer.value.status == 401
     asked[0].continue_()
-    shown(page.get_by_label("One-time code"))
+    page.wait_for_url("**/login")
+    shown(code_form(page))
     assert len(asked) == 1
 
 
