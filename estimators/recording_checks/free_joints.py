@@ -20,6 +20,7 @@ from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.fault_detection.finding import Message, Suspicion
 from handscope.estimators.fault_detection.neighbours.anatomy import check_anatomy
+from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import (
     ANGLES,
@@ -41,7 +42,7 @@ HINGES = tuple(j.name for j in JOINTS if not j.name.startswith(("wrist", "thumb_
 BEYOND = np.radians(15.0)  # of flexion: skin, mounting and a pose that is 5 deg off leave up to 8
 SIDEWAYS = np.radians(
     40.0
-)  # of what is no freedom of a hinge: mounting known from one pose leaves up to 25
+)  # of what is no freedom of a hinge, and as far as FALSE_ALARMS asks: mounting known from one pose leaves up to 25, in one person of 20 more
 WITHIN = np.radians(8.0)
 SHARE = 0.02  # of the time that counts
 ANGLE_SD = np.radians(4.0)  # of flexion; that of the rest is as much larger as SIDEWAYS is
@@ -118,7 +119,9 @@ def _excess(t: Array, angle: Array, joint: int, a: int) -> Iterator[Excess]:
             continue
         if (far := float(np.quantile(off, 1 - SHARE))) > least:
             there = t[np.isfinite(angle)][off > 0.5 * least]
-            yield Excess(joint, a, far, float(limit), (float(there[0]), float(there[-1])))
+            excess = Excess(joint, a, far, float(limit), (float(there[0]), float(there[-1])))
+            if IS_DOF[joint, a] or _p_value(excess) < FALSE_ALARMS:
+                yield excess
 
 
 def _surely(excess: Excess) -> float:

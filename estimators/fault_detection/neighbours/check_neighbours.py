@@ -21,10 +21,11 @@ from handscope.estimators.fault_detection.neighbours import (
     joint_places,
     joint_windows,
     slips,
-    synchrony,
     unexplained,
 )
 from handscope.estimators.fault_detection.neighbours.joint_places import Bone, Verdict
+from handscope.estimators.fault_detection.neighbours.rates import rate_tests, synchrony
+from handscope.estimators.fault_detection.neighbours.rates.common_rates import CommonRates
 from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
 from handscope.estimators.fault_detection.neighbours.suspicions import (
     of_delay,
@@ -35,12 +36,13 @@ from handscope.estimators.fault_detection.neighbours.suspicions import (
     of_verdict,
     whole_span,
 )
+from handscope.estimators.fault_detection.neighbours.unexplained import Unexplained
 from handscope.estimators.hand.anatomy import Hand, side_sign
 from handscope.estimators.hand.geometry import HandGeometry, root_joint
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
-FALSE_ALARM = 2e-4  # of each family of tests in one recording: five of them, those of synchrony.py and finger_order.py, and those of single sensors, stay below 1 in 200
+FALSE_ALARM = 2e-4  # of each family of tests in one recording: eight of them, those of synchrony.py and finger_order.py, and those of single sensors, stay below 1 in 200
 OF_HAND = 1e-5  # the same of the declared hand: how far people's knuckles lie from the declared is known roughly
 
 
@@ -99,8 +101,10 @@ def check_neighbours(
         return []  # so are its joint positions told by `check_hand`
     if (verdict := _verdict(pairs, geometry)[0]) is not None and verdict.kind == "hand":
         return []  # `check_hand` tells it; every joint lies elsewhere than expected
-    odd = [u for u in unexplained.find(pairs) if u.p_value < FALSE_ALARM]
-    named = _named(pairs, [u.joint for u in odd])
+    rates = CommonRates(pairs)
+    every = [*unexplained.find(pairs), *rate_tests.find_unexplained(rates)]
+    odd = _once([u for u in every if u.p_value < FALSE_ALARM])
+    named = _named(pairs, rates, [u.joint for u in odd])
     return named + [
         of_unexplained(u)
         for u in odd
@@ -108,23 +112,32 @@ def check_neighbours(
     ]
 
 
-def _named(pairs: Pairs, odd: Sequence[tuple[str, str]]) -> list[Suspicion]:
+def _once(odd: Sequence[Unexplained]) -> list[Unexplained]:
+    """Of each joint what is most certain."""
+    least = {u.joint: u for u in sorted(odd, key=lambda u: -u.p_value)}
+    return list(least.values())
+
+
+def _named(pairs: Pairs, rates: CommonRates, odd: Sequence[tuple[str, str]]) -> list[Suspicion]:
     """Faults that are named; at joints that are surely odd the most probable cause needs less evidence."""
 
     def is_sure(cause: _Cause) -> bool:
         at_odd_joint = any(set(joint) & set(cause.sensors) for joint in odd)
         return cause.suspicion.p_value < (exchanges.OTHERS if at_odd_joint else FALSE_ALARM)
 
-    exchange, gain = exchanges.find(pairs), gains.find(pairs)
+    exchange = exchanges.find(pairs)
+    wrong_gains = [g for g in (gains.find(pairs), rate_tests.find_gain(rates)) if g is not None]
     single = [
         *(
             [_Cause(tuple(exchange.order), exchange.gain, of_exchange(exchange, pairs))]
             if exchange
             else ()
         ),
-        *([_Cause((gain.sensor,), gain.evidence, of_gain(gain, pairs))] if gain else ()),
+        *(_Cause((g.sensor,), g.evidence, of_gain(g, pairs)) for g in wrong_gains),
     ]
     late = [_Cause(d.sensors, d.gain, of_delay(d)) for d in delays.find(pairs)]
+    known = [s for c in late if is_sure(c) for s in c.sensors]
+    late += [_Cause(d.sensors, d.gain, of_delay(d)) for d in rate_tests.find_delays(rates, known)]
     named = _most_probable(
         pairs, [c for c in single if is_sure(c)], [c for c in late if is_sure(c)]
     )

@@ -44,19 +44,14 @@ def find(pairs: Pairs) -> list[Delay]:
     lags = np.asarray(
         np.arange(-round(FURTHEST / COARSE), round(FURTHEST / COARSE) + 1) * COARSE, float
     )
-    edges = np.linspace(begin, end, PARTS + 1)
-    spans = [
-        (begin, end),
-        *((float(e), end) for e in edges[1:-1]),
-        *((begin, float(e)) for e in edges[1:-1]),
-    ]
-    count = len(_groups(pairs)) * (len(lags) + 2 * FINER) * len(spans)
+    parts = spans(begin, end)
+    count = len(groups(pairs)) * (len(lags) + 2 * FINER) * len(parts)
     found: list[Delay] = []
     curves: Curves = {}
     poor = [j for j in pairs.joints if pairs.is_poor(*j)]
     while poor and len(found) < 3:
-        groups = [g for g in _groups(pairs) if any((a in g) != (b in g) for a, b in poor)]
-        tried = [_best(pairs, lags, g, s, curves) for g in groups for s in spans]
+        suspects = [g for g in groups(pairs) if any((a in g) != (b in g) for a, b in poor)]
+        tried = [_best(pairs, lags, g, s, curves) for g in suspects for s in parts]
         sure = [d for d in tried if d.p_value * count < LEAST_SURE]
         if not sure:
             break
@@ -66,7 +61,13 @@ def find(pairs: Pairs) -> list[Delay]:
     return found
 
 
-def _groups(pairs: Pairs) -> list[tuple[str, ...]]:
+def spans(begin: float, end: float) -> list[tuple[float, float]]:
+    """The whole of a recording, and its parts from and up to the edges at which a delay may begin or end."""
+    edges = [float(e) for e in np.linspace(begin, end, PARTS + 1)[1:-1]]
+    return [(begin, end), *((e, end) for e in edges), *((begin, e) for e in edges)]
+
+
+def groups(pairs: Pairs) -> list[tuple[str, ...]]:
     """Sensors that may be late together: each alone, the strip of a finger."""
     present = pairs.series.sensors
     strips = [tuple(s for s in chain if s in present) for chain in CHAINS.values()]
@@ -100,12 +101,12 @@ def _best(
     k, zero = int(np.argmin(total)), len(lags) // 2
     if abs(lags[k]) <= TOLERATED or k in (0, len(lags) - 1):
         return Delay(group, 0.0, 1.0, 0.0, span)
-    before, noise, late = rest[:, zero], noise[:, 0], _vertex(lags, total, k)
+    before, noise, late = rest[:, zero], noise[:, 0], vertex(lags, total, k)
     fine = np.asarray(np.round(late / FINE + np.arange(-FINER, FINER + 1)) * FINE, float)
     nearer, _, by_fine = _together([_curve(pairs, j, fine, s) for j, s in touched], inside)
     after, late = (
         nearer[:, int(np.argmin(by_fine))],
-        _vertex(fine, by_fine, int(np.argmin(by_fine))),
+        vertex(fine, by_fine, int(np.argmin(by_fine))),
     )
     is_known = np.isfinite(before + after)
     gain = np.where(
@@ -131,7 +132,7 @@ def _together(
     return rest, noise, np.nansum(paired_test.log_rest(rest, noise), axis=(0, 2))
 
 
-def _vertex(lags: Array, total: Array, k: int) -> float:
+def vertex(lags: Array, total: Array, k: int) -> float:
     """The lag between those that were tried, by a parabola through the least and its neighbours."""
     if not 0 < k < len(lags) - 1:
         return float(lags[k])

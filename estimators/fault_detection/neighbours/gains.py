@@ -54,7 +54,7 @@ def _best(pairs: Pairs, sensor: str) -> Gain:
     k = int(np.argmin(totals))
     if abs(gains[k] - 1.0) <= TOLERATED or k in (0, len(gains) - 1):
         return Gain(sensor, 1.0, 1.0, 0.0)
-    gain = _vertex(np.array(gains[k - 1 : k + 2]), np.array(totals[k - 1 : k + 2]))
+    gain = vertex(np.array(gains[k - 1 : k + 2]), np.array(totals[k - 1 : k + 2]))
     between = _left(pairs.with_gain(sensor, gain), sensor)
     if _total(between) > totals[k]:
         gain, between = gains[k], after[gains[k]]
@@ -93,7 +93,7 @@ def _judged(
     return Gain(sensor, gain, p, float(gained @ (weight > 0)))
 
 
-def _vertex(x: Array, y: Array) -> float:
+def vertex(x: Array, y: Array) -> float:
     """Where the parabola through three points has its least."""
     a, b, _ = np.polyfit(x - x[1], y, 2)
     return float(np.clip(x[1] - b / (2 * max(a, 1e-9)), x[0], x[2]))

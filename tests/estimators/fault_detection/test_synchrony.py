@@ -8,7 +8,7 @@ import pytest
 
 from handscope.estimators.data.samples import Block
 from handscope.estimators.fault_detection.neighbours import check_neighbours as neighbours
-from handscope.estimators.fault_detection.neighbours import synchrony
+from handscope.estimators.fault_detection.neighbours.rates import synchrony
 from handscope.estimators.hand.anatomy import CHAINS
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.simulation.movements import task_performance as tasks

@@ -1,0 +1,117 @@
+"""Angular rates that two neighbours have in common, whatever the hand accelerates: those about the axes that their joint does not turn.
+
+In      pairs of sensors (sensor_pairs.py)
+Out     what the joint's axes leave over of both rates in every window, for any gain of a sensor and any delay between the two
+Source  kernels.py; noise: of gyroscopes, of skin (common_joint.SKIN) and of scales; sizes ours
+Limits  joints of one axis, or of flexion and abduction: not the wrist and the thumb's CMC. A joint whose parent does not turn across the axis of flexion tells nothing
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from handscope.estimators.fault_detection.neighbours import joint_windows
+from handscope.estimators.fault_detection.neighbours.common_joint import SKIN
+from handscope.estimators.fault_detection.neighbours.rates.kernels import PASSES, SIZE, fit_rates
+from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
+from handscope.estimators.hand.anatomy import JOINTS
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.typing import Array
+
+AVERAGED = 2  # samples of the common time base: 50 Hz
+NOISE = 0.002  # rad/s, of an averaged rate
+SCALE = 0.01  # of a rate: scale and cross-axis errors
+PULLED = 0.015  # of the rates of all knuckles: what they turn the hand's sensor by skin
+MISALIGNED, BIASED = 0.1, 0.01  # rad, rad/s, standard deviations of what is fitted
+REFITTED = 4  # passes from a fit that is near
+DOFS = {(j.parent, j.child): j.dofs for j in JOINTS}
+Joint = tuple[str, str]
+
+
+@dataclass
+class CommonRates:
+    """Rates of all sensors about their segments' axes, and what joints leave over of them, computed once."""
+
+    pairs: Pairs
+    _fits: dict[tuple[Joint, float, float, float], tuple[Array, Array]] = field(
+        default_factory=dict
+    )
+
+    @cached_property
+    def joints(self) -> list[Joint]:
+        """Joints of one axis, and those of flexion and abduction."""
+        return [j for j in self.pairs.joints if DOFS[j] in ((0,), (0, 1)) and j[1] != "hand"]
+
+    @cached_property
+    def rates(self) -> Mapping[str, tuple[Array, NDArray[np.bool_]]]:
+        """By sensor: rates (n, 3) rad/s at 50 Hz, and where there are samples (n,)."""
+        s = self.pairs.series
+        n = len(s.t) // AVERAGED * AVERAGED
+        mean = s.gyr[:n].reshape(-1, AVERAGED, *s.gyr.shape[1:]).mean(axis=1)
+        there = np.asarray(s.whole[:n].reshape(-1, AVERAGED, len(s.sensors)).all(axis=1))
+        columns = [there[:, k] for k in range(len(s.sensors))]
+        return {
+            name: (quat.rotate(self.pairs.q_BS[name], mean[:, k]), columns[k])
+            for k, name in enumerate(s.sensors)
+        }
+
+    @cached_property
+    def t(self) -> Array:
+        """Beginnings (K,) s of the windows."""
+        s = self.pairs.series
+        return np.asarray(s.t[s.chosen * round(joint_windows.LENGTH * joint_windows.RATE)])
+
+    @cached_property
+    def _rows(self) -> NDArray[np.int_]:
+        m = round(joint_windows.LENGTH * joint_windows.RATE) // AVERAGED
+        return np.asarray((self.pairs.series.chosen[:, None] * m + np.arange(m)).ravel())
+
+    @cached_property
+    def _of_knuckles(self) -> Array:
+        """Sum of the squared rates (n,) of the fingers against the hand, (rad/s)^2."""
+        roots = [j for j in self.joints if j[0] == "hand"]
+        of_hand = self.rates["hand"][0][:, 2] if roots else np.zeros(len(self._rows))
+        squares = [(self.rates[child][0][:, 2] - of_hand) ** 2 for _, child in roots]
+        return np.asarray(np.sum(squares, axis=0))
+
+    def left(
+        self, joint: Joint, late: float = 0.0, of_parent: float = 1.0, of_child: float = 1.0
+    ) -> Array:
+        """What is left over (K,), in variances; rates divided by gains, the child's taken `late` s later; NaN where samples are missing."""
+        key = (joint, late, of_parent, of_child)
+        if key not in self._fits:
+            near = (joint, 0.0, 1.0, 1.0)
+            self._fits[key] = self._fit(key, None if key == near else self._known(near))
+        return self._fits[key][1]
+
+    def _known(self, key: tuple[Joint, float, float, float]) -> Array:
+        self.left(*key)
+        return self._fits[key][0]
+
+    def _fit(
+        self, key: tuple[Joint, float, float, float], near: Array | None
+    ) -> tuple[Array, Array]:
+        joint, late, of_parent, of_child = key
+        parent, is_parent = self.rates[joint[0]]
+        child, is_child = self.rates[joint[1]]
+        later = self._rows + round(late * joint_windows.RATE / AVERAGED)
+        inside = (later >= 0) & (later < len(child)) & (self._rows < len(parent))
+        rows, later = np.minimum(self._rows, len(parent) - 1), np.clip(later, 0, len(child) - 1)
+        a, b = parent[rows] / of_parent, child[later] / of_child
+        there = is_parent[rows] & is_child[later] & inside
+        variance = NOISE**2 + (SKIN * (b[:, 2] - a[:, 2])) ** 2
+        variance += SCALE**2 * ((a**2).sum(axis=1) + (b**2).sum(axis=1))
+        if joint[0] == "hand":
+            variance += PULLED**2 * self._of_knuckles[rows]
+        start = np.zeros(SIZE) if near is None else near
+        prior = np.tile(np.repeat([MISALIGNED, BIASED], 2) ** -2.0, 2)
+        m = round(joint_windows.LENGTH * joint_windows.RATE) // AVERAGED
+        dt, passes = AVERAGED / joint_windows.RATE, PASSES if near is None else REFITTED
+        weight, has_abduction = there / variance, len(DOFS[joint]) > 1
+        found: tuple[Array, Array] = fit_rates(
+            a, b, weight, m, dt, has_abduction, start, prior, passes
+        )
+        return found

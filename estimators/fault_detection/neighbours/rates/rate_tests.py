@@ -1,0 +1,162 @@
+"""Gains, delays and other faults of gyroscopes by the rates that neighbours have in common.
+
+In      rates in common (common_rates.py)
+Out     gains and delays as gains.py and delays.py have them, joints whose rates no such cause explains as unexplained.py does
+Source  ours; test of one description against another: paired_test.py; what joints of intact sensors leave in the `FEW`-th worst window is about lognormal
+Limits  those of common_rates.py; a gain of the hand's sensor is one of all fingers, and not looked for
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from handscope.estimators.fault_detection.neighbours import delays, gains, paired_test
+from handscope.estimators.fault_detection.neighbours.delays import Delay
+from handscope.estimators.fault_detection.neighbours.gains import Gain
+from handscope.estimators.fault_detection.neighbours.rates.common_rates import CommonRates, Joint
+from handscope.estimators.fault_detection.neighbours.unexplained import Unexplained
+from handscope.estimators.numerics.tail_probabilities import normal_sf
+from handscope.estimators.numerics.typing import Array
+
+ODD = 1.5  # variances that a window leaves from which on it is odd; as many as paired_test.FEWEST of them make a joint odd
+GAINS = (0.02, 0.1, 0.3, *gains.GAINS, 3.0, 10.0, 57.0)
+MARGIN = 0.4  # of the mean log ratio, as for delays (delays.py)
+STEP = 0.04  # s, of the lags
+EXPLAINED = 4.0  # variances that joints leave at most where their cause is found
+FEW = 3  # windows
+MEDIAN, SPREAD = (
+    0.3,
+    0.6,
+)  # of what intact hinges leave in the FEW-th worst window: of 834 simulated ones 0.20 and 0.56, and axes of hands move
+
+
+def find_gain(rates: CommonRates) -> Gain | None:
+    """The most certain gain of a gyroscope, with the probability of such evidence without any."""
+    odd = [j for j in _odd_joints(rates) if j[0] != "hand"]  # a gain shows at a hinge, too
+    suspects = [s for s in rates.pairs.series.sensors if any(s in j for j in odd) and s != "hand"]
+    tried = [_best_gain(rates, s) for s in suspects]
+    count = len(rates.pairs.series.sensors) * len(GAINS)
+    sure = [g for g in tried if g.p_value * count < gains.LEAST_SURE]
+    if not sure:
+        return None
+    best = max(sure, key=lambda g: g.evidence)
+    return replace(best, p_value=best.p_value * count)
+
+
+def _best_gain(rates: CommonRates, sensor: str) -> Gain:
+    around = [j for j in rates.joints if sensor in j]
+
+    def left(gain: float) -> Array:
+        return np.array(
+            [
+                rates.left(j, 0.0, gain if j[0] == sensor else 1.0, gain if j[1] == sensor else 1.0)
+                for j in around
+            ]
+        )
+
+    before = left(1.0)
+    every = {g: left(g) for g in GAINS}
+    totals = [_misfit(every[g]) for g in GAINS]
+    k = int(np.argmin(totals))
+    gain = GAINS[k]
+    if 0 < k < len(GAINS) - 1:
+        x, y = np.log(GAINS[k - 1 : k + 2]), np.array(totals[k - 1 : k + 2])
+        between = float(np.exp(gains.vertex(x, y)))
+        if abs(between - 1.0) > gains.TOLERATED and _misfit(left(between)) < totals[k]:
+            gain = between
+    p, evidence = _tested(before, left(gain))
+    return Gain(sensor, gain, p, evidence)
+
+
+def find_delays(rates: CommonRates, faulty: Sequence[str] = ()) -> list[Delay]:
+    """Late sensors and strips, most certain first; at most one for each joint that shows it."""
+    odd = [j for j in _odd_joints(rates) if not set(j) & set(faulty)]
+    groups = delays.groups(rates.pairs)
+    spans = delays.spans(float(rates.pairs.series.t[0]), float(rates.pairs.series.t[-1]))
+    steps = round(delays.FURTHEST / STEP)
+    lags = STEP * np.arange(-steps, steps + 1, dtype=float)
+    count = len(groups) * 2 * len(lags) * len(spans)
+    found: list[Delay] = []
+    while odd and len(found) < 3:
+        asked = [g for g in groups if any((a in g) != (b in g) for a, b in odd)]
+        tried = [d for g in asked for s in spans if (d := _best_delay(rates, lags, g, s))]
+        sure = [d for d in tried if d.p_value * count < delays.LEAST_SURE]
+        if not sure:
+            break
+        best = max(sure, key=lambda d: d.gain)
+        found.append(replace(best, p_value=best.p_value * count))
+        odd = [j for j in odd if not any(s in j for s in best.sensors)]
+    return found
+
+
+def _best_delay(
+    rates: CommonRates, lags: Array, group: tuple[str, ...], span: tuple[float, float]
+) -> Delay | None:
+    inside = (rates.t >= span[0]) & (rates.t < span[1])
+    around = [j for j in rates.joints if (j[0] in group) != (j[1] in group)]
+    if not around or np.count_nonzero(inside) < paired_test.FEWEST:
+        return None
+    rest = _at_lags(rates, lags, group, around)[:, :, inside]
+    rest = np.where(np.isfinite(rest).all(axis=1, keepdims=True), rest, np.nan)
+    totals = [_misfit(rest[:, k]) for k in range(len(lags))]
+    k, zero = int(np.argmin(totals)), len(lags) // 2
+    if k in (0, len(lags) - 1) or abs(lags[k]) < STEP / 2:
+        return None
+    before = rest[:, zero]
+    fine = lags[k] + np.array([-0.5, 0.0, 0.5]) * STEP
+    nearer = _at_lags(rates, fine, group, around)[:, :, inside]
+    by_fine = np.array([_misfit(nearer[:, i]) for i in range(len(fine))])
+    best = int(np.argmin(by_fine))
+    after, late = nearer[:, best], delays.vertex(fine, by_fine, best)
+    if abs(late) <= delays.TOLERATED:
+        return None
+    p, evidence = _tested(before, after)
+    return Delay(group, late, p, evidence, span)
+
+
+def _at_lags(
+    rates: CommonRates, lags: Array, group: tuple[str, ...], around: Sequence[Joint]
+) -> Array:
+    """What joints leave (J, L, K) where a group's samples are taken later by each lag."""
+    return np.array(
+        [
+            [rates.left(j, float(np.round(lag if j[1] in group else -lag, 6))) for lag in lags]
+            for j in around
+        ]
+    )
+
+
+def find_unexplained(rates: CommonRates) -> Iterator[Unexplained]:
+    """Hinges whose rates disagree in a few windows at least, more than those of intact sensors do."""
+    hinges = [j for j in rates.joints if j[0] != "hand"]
+    for joint in hinges:
+        rest = rates.left(joint)
+        known = np.sort(rest[np.isfinite(rest)])
+        if len(known) < paired_test.FEWEST:
+            continue
+        ratio = float(known[-FEW])
+        p = float(normal_sf(np.log(max(ratio, 1e-12) / MEDIAN) / SPREAD)) * len(hinges)
+        if ratio > ODD:
+            t = rates.t[rest > ODD]
+            yield Unexplained(joint, ratio, min(1.0, p), (float(t[0]), float(t[-1])))
+
+
+def _odd_joints(rates: CommonRates) -> list[Joint]:
+    return [j for j in rates.joints if np.count_nonzero(rates.left(j) > ODD) >= paired_test.FEWEST]
+
+
+def _misfit(rest: Array) -> float:
+    return float(np.nansum(np.log1p(rest)))
+
+
+def _tested(before: Array, after: Array) -> tuple[float, float]:
+    """Paired test of what joints (J, K) leave with a cause against without: probability and log ratio."""
+    known = np.isfinite(before + after)
+    gain = np.where(known, np.log1p(before) - np.log1p(after), 0.0).sum(axis=0)
+    each = np.where(known, paired_test.weight(before, after, np.ones_like(before)), 0.0)
+    weight = each.max(axis=0)
+    if float(np.nansum(each * after)) > EXPLAINED * float(each.sum()):
+        return 1.0, 0.0
+    p = paired_test.p_value(gain / np.maximum(known.sum(axis=0), 1), MARGIN, weight)
+    return p, float(gain @ (weight > 0))

@@ -1,0 +1,107 @@
+"""Rates that neighbours have in common: exact of hinges, whatever the sensors' tilt, and of no other gain or delay."""
+
+import numpy as np
+import pytest
+
+from handscope.estimators.data.samples import GYR, Block
+from handscope.estimators.fault_detection.neighbours.check_neighbours import prepare_pairs
+from handscope.estimators.fault_detection.neighbours.rates import rate_tests
+from handscope.estimators.fault_detection.neighbours.rates.common_rates import CommonRates
+from handscope.estimators.fault_detection.neighbours.rates.kernels import SIZE, fit_rates
+from handscope.estimators.hand.anatomy import CHAINS
+from handscope.estimators.hand.geometry import sized
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.typing import Array
+from tests.estimators.fault_detection.joint_recordings import amplified, delayed, freely_moved
+
+DT, M, WINDOWS = 0.02, 50, 20
+PRIOR = np.tile(np.repeat([0.1, 0.01], 2) ** -2.0, 2)
+
+
+def _rates_at_a_joint(abduction: float, tilt_deg: float = 0.0) -> tuple[Array, Array]:
+    """Rates (n, 3) rad/s of a parent that tumbles and of a child that bends and abducts on it, the child's sensor tilted; by differences of rotations."""
+    t, h = DT * np.arange(M * WINDOWS), 1e-4
+
+    def parent(t: Array) -> Array:
+        return quat.multiply(
+            quat.about(0, 0.9 * np.sin(2.1 * t)), quat.about(1, 0.7 * np.sin(1.3 * t + 0.5))
+        )
+
+    def child(t: Array) -> Array:
+        flexed = quat.about(2, 0.8 + 0.7 * np.sin(2.7 * t))
+        return quat.multiply(
+            parent(t), quat.multiply(flexed, quat.about(0, abduction * np.sin(1.7 * t)))
+        )
+
+    def rate(q_of: object) -> Array:
+        before, after = q_of(t - h), q_of(t + h)  # type: ignore[operator]
+        return np.asarray(quat.log(quat.multiply(quat.conjugate(before), after)) / (2 * h))
+
+    tilt = quat.exp(np.radians(tilt_deg) * np.array([0.6, -0.8, 0.0]))
+    return rate(parent), quat.rotate(tilt, rate(child))
+
+
+def _left(a: Array, b: Array, has_abduction: bool) -> Array:
+    weight = np.full(len(a), 0.01**-2)  # 0.01 rad/s
+    _, rest = fit_rates(a, b, weight, M, DT, has_abduction, np.zeros(SIZE), PRIOR, 20)
+    return np.asarray(rest)
+
+
+@pytest.mark.parametrize("tilt_deg", [0.0, 5.0])
+def test_nothing_is_left_of_a_hinge_whose_sensor_is_tilted(tilt_deg: float) -> None:
+    assert _left(*_rates_at_a_joint(0.0, tilt_deg), has_abduction=False).max() < 0.5
+
+
+def test_nothing_is_left_of_a_joint_that_abducts() -> None:
+    a, b = _rates_at_a_joint(0.3)
+    assert np.median(_left(a, b, has_abduction=True)) < 0.5
+    assert np.median(_left(a, b, has_abduction=False)) > 10.0
+
+
+@pytest.mark.parametrize("has_abduction", [False, True])
+def test_a_gain_is_left_over(has_abduction: bool) -> None:
+    a, b = _rates_at_a_joint(0.3 if has_abduction else 0.0)
+    assert np.median(_left(a, 1.2 * b, has_abduction)) > 20.0
+
+
+def _rates(blocks: list[Block]) -> CommonRates:
+    pairs = prepare_pairs(blocks, sized("left"), {}, [])
+    assert pairs is not None
+    return CommonRates(pairs)
+
+
+def test_intact_hinges_leave_no_more_than_their_noise() -> None:
+    rates = _rates(list(freely_moved().blocks()))
+    hinges = [j for j in rates.joints if j[0] != "hand"]
+    assert max(float(np.nanmedian(rates.left(j))) for j in hinges) < 1.0
+    assert rate_tests.find_gain(rates) is None
+    assert rate_tests.find_delays(rates) == []
+
+
+@pytest.mark.parametrize("gain", [1.15, 0.8])
+def test_a_gain_is_named_with_its_sensor_and_size(gain: float) -> None:
+    found = rate_tests.find_gain(_rates(amplified(freely_moved(), "ring_middle", gain)))
+    assert found is not None and found.sensor == "ring_middle"
+    assert found.gain == pytest.approx(gain, abs=0.03)
+    assert found.p_value < 1e-4
+
+
+@pytest.mark.parametrize("sensors", [("ring_distal",), CHAINS["ring"]])
+def test_what_is_late_is_named_with_its_delay(sensors: tuple[str, ...]) -> None:
+    found = rate_tests.find_delays(_rates(delayed(freely_moved(), sensors, 0.1)))
+    assert [d.sensors for d in found] == [sensors]
+    assert found[0].late == pytest.approx(0.1, abs=0.02)
+
+
+def test_exchanged_axes_are_left_over_at_both_hinges_of_a_sensor() -> None:
+    blocks = []
+    for block in freely_moved().blocks():
+        values, k = block.values.copy(), block.stream.sensors.index("ring_middle")
+        axes = block.stream.axes(GYR)
+        values[:, k, axes] = values[:, k, axes][:, [1, 0, 2]]
+        blocks.append(Block(block.stream, block.t, values))
+    found = [u for u in rate_tests.find_unexplained(_rates(blocks)) if u.p_value < 1e-4]
+    assert {u.joint for u in found} == {
+        ("ring_proximal", "ring_middle"),
+        ("ring_middle", "ring_distal"),
+    }
