@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from handscope.app.devices.strip_progress import StripProgress
 from handscope.app.live.readouts.hand_trail import HandTrail
 from handscope.app.live.readouts.motion import Motion, latest, motions
 from handscope.estimators.alignment import (
@@ -113,6 +114,8 @@ class Tracking:
         self._on_pose, self._on_samples = on_pose, on_samples
         self._row: list[Calibration] = []  # poses taken one after the other
         self._queue: deque[Block] = deque()
+        self._progress = StripProgress(patience)
+        self._is_complete = False  # whether what waits completes a row
         self._wake = threading.Condition()
         self._stop = False
         self._lock = threading.RLock()  # state, past samples and past poses
@@ -140,7 +143,9 @@ class Tracking:
             while len(self._queue) > QUEUE:
                 self._queue.popleft()
                 self.skipped += 1
-            self._wake.notify()
+            if self._progress.take(blocks):
+                self._is_complete = True
+                self._wake.notify()
         return self.rest
 
     def calibrate(self, pose: Pose) -> Calibration:
@@ -392,11 +397,14 @@ class Tracking:
     def _run(self) -> None:
         while True:
             with self._wake:
-                self._wake.wait_for(lambda: self._queue or self._stop)
+                self._wake.wait_for(lambda: self._is_complete or self._stop, self._patience)
                 if self._stop:
                     return
                 waited = list(self._queue)
                 self._queue.clear()
+                self._is_complete = False
+            if not waited:
+                continue
             began, computed = time.monotonic(), time.thread_time()
             with self._lock:
                 newest = self._process(join_consecutive(waited))
