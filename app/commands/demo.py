@@ -28,6 +28,9 @@ def add(parser: argparse.ArgumentParser) -> None:
         help="of the virtual gloves, as `handscope glove` has them: all,trunk",
     )
     parser.add_argument(
+        "--rate", default="100", metavar="HZ", help="of the virtual gloves' samples (100)"
+    )
+    parser.add_argument(
         "--no-examples",
         action="store_true",
         help="a new data folder gets no simulated patients",
@@ -133,9 +136,10 @@ def _start(
 ) -> "list[subprocess.Popen[bytes]]":
     """A process a glove; all are ended before the links are taken away."""
     program = [sys.executable, "-P", "-m", "handscope.app.cli", "glove"]
+    of_both = ["--strips", arguments.strips, "--rate", arguments.rate]
     processes = [
         subprocess.Popen(
-            [*program, *place, "--hand", hand, "--seed", str(k), "--strips", arguments.strips],
+            [*program, *place, "--hand", hand, "--seed", str(k), *of_both],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE if "--tcp" in place else subprocess.DEVNULL,
         )

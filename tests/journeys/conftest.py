@@ -76,6 +76,8 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         "0",
         "--data",
         str(data),
+        "--rate",  # half of a real glove's: every sample costs the two cores of the suite
+        "50",
         "--allow-port",
         "socket://127.0.0.1:*",
         "--allow-outlet",
