@@ -7,11 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from viser import LineSegmentsHandle, ViserServer
+from viser import ViserServer
 
 from handscope.app.scene import palette
+from handscope.app.scene.drawn_line import DrawnLine
 from handscope.app.scene.mesh import bones
-from handscope.app.scene.palette import Colour
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import (
     ANGLES,
@@ -26,10 +26,12 @@ from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
-PIECES = 24
+POINTS = 13  # of a drawn line
 RADIUS, BAND = 0.030, 0.035  # m: of the arc, and of the band outside it
 BESIDE = 0.012  # m from the bone's axis to the finger's side, where skin hides nothing
 NUMBER = 1.45  # of the radius, where the number stands
+THICK, THIN, BROAD = 0.001, 0.0004, 0.0018  # m: half of a line's thickness
+AGAIN = 0.1  # s until the number is written again: faster nobody reads, and each costs a browser more than the hand's bones
 APERTURE = "aperture"
 
 
@@ -45,12 +47,25 @@ class AngleArc:
     """Below the hand's frame `name`, whose parts are `scale` scene units a metre. For one thread at a time, within the scene's lock."""
 
     def __init__(
-        self, server: ViserServer, name: str, geometry: HandGeometry, scale: float
+        self,
+        server: ViserServer,
+        name: str,
+        geometry: HandGeometry,
+        scale: float,
+        later: Callable[[float, Callable[[], None]], None],
     ) -> None:
-        self._server, self._name, self._geometry, self._scale = server, name, geometry, scale
-        self._arc = self._line("arc", palette.MEASURED, 5.0)
-        self._rays = self._line("rays", palette.MEASURED, 2.0)
-        self._band = self._line("band", palette.TARGET, 9.0)
+        """`later` does something so many s later."""
+        self._geometry, self._scale, self._later = geometry, scale, later
+        self._arc, self._ray_straight, self._ray_bent, self._band = (
+            DrawnLine(server, f"{name}/measured_{part}", points, scale * thick, colour)
+            for part, points, thick, colour in (
+                ("arc", POINTS, THICK, palette.MEASURED),
+                ("ray_straight", 2, THIN, palette.MEASURED),
+                ("ray_bent", 2, THIN, palette.MEASURED),
+                ("band", POINTS, BROAD, palette.TARGET),
+            )
+        )
+        self._text, self._has_waited = "", True
         self._number = server.scene.add_label(
             f"{name}/number", "", visible=False, font_screen_scale=1.6, anchor="center-center"
         )
@@ -58,38 +73,41 @@ class AngleArc:
     def show(self, measured: Measured | None, angles: Array, with_number: bool) -> None:
         """Draw the quantity of a hand with these angles, all known; None takes it away."""
         drawn = None if measured is None else _lines(measured, angles, self._geometry)
-        self._number.visible = drawn is not None and with_number
+        rays = (None, None) if drawn is None or drawn.rays is None else drawn.rays
         self._place(self._arc, None if drawn is None else drawn.arc)
-        self._place(self._rays, None if drawn is None else drawn.rays)
         self._place(self._band, None if drawn is None else drawn.band)
+        for line, ray in zip((self._ray_straight, self._ray_bent), rays):
+            self._place(line, ray)
         if drawn is not None:
             self._number.position = self._scale * drawn.number_at
-            if self._number.text != drawn.text:
-                self._number.text = drawn.text
+            self._text = drawn.text
+            if self._has_waited:
+                self._write()
+        self._number.visible = drawn is not None and with_number
 
-    def _place(self, line: LineSegmentsHandle, points: Array | None) -> None:
-        line.visible = points is not None
-        if points is not None:
-            line.points = (self._scale * points).astype(np.float32)
+    def _write(self) -> None:
+        if self._number.text != self._text:
+            self._number.text, self._has_waited = self._text, False
+            self._later(AGAIN, self._write_again)
 
-    def _line(self, part: str, colour: Colour, thickness: float) -> LineSegmentsHandle:
-        return self._server.scene.add_line_segments(
-            f"{self._name}/measured_{part}",
-            np.zeros((PIECES, 2, 3), np.float32),
-            colour,
-            thickness=thickness,
-            thickness_units="screen",
-            visible=False,
-        )
+    def _write_again(self) -> None:
+        self._has_waited = True
+        self._write()
+
+    def _place(self, line: DrawnLine, points: Array | None) -> None:
+        if points is None:
+            line.hide()
+        else:
+            line.draw(self._scale * points)
 
 
 @dataclass(frozen=True)
 class _Lines:
-    """Pieces of line (n, 2, 3), m in the hand's frame."""
+    """Points of lines, m in the hand's frame."""
 
-    arc: Array
-    rays: Array | None
-    band: Array | None
+    arc: Array  # (POINTS, 3)
+    rays: Array | None  # (2 rays, 2 ends, 3)
+    band: Array | None  # (POINTS, 3)
     number_at: Array  # (3,)
     text: str
 
@@ -108,9 +126,9 @@ def _lines(measured: Measured, angles: Array, geometry: HandGeometry) -> _Lines 
     centre = at(np.zeros(1), 0.0)[0]
     band = None
     if measured.band is not None:
-        band = _pieces(at(np.linspace(*measured.band, PIECES + 1), BAND))
+        band = at(np.linspace(*measured.band, POINTS), BAND)
     return _Lines(
-        _pieces(at(np.linspace(0.0, value, PIECES + 1), RADIUS)),
+        at(np.linspace(0.0, value, POINTS), RADIUS),
         np.array([[centre, straight], [centre, bent]]),
         band,
         at(np.array([0.5 * value]), NUMBER * RADIUS)[0],
@@ -120,12 +138,10 @@ def _lines(measured: Measured, angles: Array, geometry: HandGeometry) -> _Lines 
 
 def _aperture(angles: Array, geometry: HandGeometry) -> _Lines:
     thumb, index = bones.tips(angles, geometry)[:2]
-    line = np.linspace(thumb, index, PIECES + 1)
+    line = np.linspace(thumb, index, POINTS)
     dorsal = side_sign(geometry.hand) * np.array([1.0, 0.0, 0.0])
     size = float(np.linalg.norm(thumb - index))
-    return _Lines(
-        _pieces(line), None, None, 0.5 * (thumb + index) + 0.016 * dorsal, f"{1e3 * size:.0f} mm"
-    )
+    return _Lines(line, None, None, 0.5 * (thumb + index) + 0.016 * dorsal, f"{1e3 * size:.0f} mm")
 
 
 def _arc_of(
@@ -150,8 +166,3 @@ def _arc_of(
         return place + offset + radius * quat.rotate(q_child, np.array([0.0, sign, 0.0]))
 
     return at
-
-
-def _pieces(points: Array) -> Array:
-    """Points (n + 1, 3) as pieces of line (n, 2, 3)."""
-    return np.stack([points[:-1], points[1:]], axis=1)

@@ -303,6 +303,16 @@ class HandScene:
 
         asyncio.run_coroutine_threadsafe(drawn(), self._server.get_event_loop()).result()
 
+    def _later(self, wait: float, draw: Callable[[], None]) -> None:
+        """Draw in viser's own thread so many s later."""
+        loop = self._server.get_event_loop()
+
+        def drawn() -> None:
+            with self._lock, self._server.atomic():
+                draw()
+
+        loop.call_soon_threadsafe(loop.call_later, wait, drawn)
+
     async def _renumber(self, _: ClientHandle) -> None:
         renumber(self._server)
 
@@ -310,7 +320,11 @@ class HandScene:
         """What is measured, on the hand as it is shown."""
         if self._arc is None and self._quantity is not None:
             self._arc = AngleArc(
-                self._server, "/hand", self._geometry, view.units_per_metre(self._geometry)
+                self._server,
+                "/hand",
+                self._geometry,
+                view.units_per_metre(self._geometry),
+                self._later,
             )
         if self._arc is not None:
             self._arc.show(self._quantity, self._shown[0], not self._mirrored)

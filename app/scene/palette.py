@@ -33,8 +33,8 @@ GROUND: Colour = (206, 212, 218)
 GROUND_SECTION: Colour = (184, 192, 200)
 TRAIL: Colour = (0, 114, 178)
 FORCE: Colour = (176, 26, 4)
-MEASURED: Colour = (0, 92, 175)
-TARGET: Colour = (0, 158, 115)
+MEASURED: Colour = (0, 80, 160)  # these two are lit: darker than they look
+TARGET: Colour = (0, 128, 92)
 FADED: Colour = (222, 228, 234)
 
 

@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 
 from handscope.app.scene.angle_arc import Measured, _lines
+from handscope.app.scene.drawn_line import directions
 from handscope.app.scene.hand_scene import HandScene
 from handscope.estimators.hand.anatomy import ANGLES, HANDS, JOINT, JOINTS, Hand
 from handscope.estimators.hand.geometry import sized
+from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
+from tests.app.scene.small_site import eventually
 
 
 def bent(joint: str, angle: str, degrees: float) -> Array:
@@ -43,6 +46,35 @@ def test_a_tapping_task_draws_the_line_between_the_tips_and_a_turn_of_the_forear
     drawn = _lines(Measured("aperture"), bent("index_pip", "flexion", 20), sized("left"))
     assert drawn is not None and drawn.text.endswith(" mm")
     assert _lines(Measured("palm_turn"), bent("index_pip", "flexion", 20), sized("left")) is None
+
+
+def test_the_number_is_written_seldom_and_its_last_value_always(scene: HandScene) -> None:
+    scene.measure(Measured("index_pip_flexion"))
+    for degrees in range(20, 64):
+        scene.show(bent("index_pip", "flexion", degrees), None)
+    assert scene._arc is not None and scene._arc._number.text != "63°"
+    eventually(lambda: scene._arc is not None and scene._arc._number.text == "63°")
+    scene.measure(None)
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.linspace([0.1, 0.2, 0.3], [0.5, -0.2, 0.1], 13),
+        np.column_stack(
+            [np.cos(np.linspace(0, 1.9, 13)), np.sin(np.linspace(0, 1.9, 13)), np.ones(13)]
+        ),
+        np.zeros((13, 3)),
+    ],
+    ids=["straight", "an arc", "a point"],
+)
+def test_sections_of_a_line_are_square_to_it_and_not_twisted(points: Array) -> None:
+    wxyz = directions(points)
+    across, _, along = (quat.rotate(wxyz, axis) for axis in np.eye(3))
+    chords = np.diff(points, axis=0)
+    assert (np.sum(along[:-1] * chords, axis=1) >= 0.9 * np.linalg.norm(chords, axis=1)).all()
+    np.testing.assert_allclose(np.linalg.norm(wxyz, axis=1), 1.0, atol=1e-9)
+    assert (np.sum(across[:-1] * across[1:], axis=1) > 0.95).all()
 
 
 def test_a_mirrored_picture_has_no_number_in_it(scene: HandScene) -> None:
