@@ -15,7 +15,7 @@ from handscope.estimators.fault_detection.words import sentence
 from handscope.estimators.hand.anatomy import HANDS, JOINTS, Hand
 from handscope.estimators.hand.geometry import measures_from, sized
 from handscope.estimators.numerics.typing import Array
-from handscope.estimators.recording_checks.check import suspicions_of
+from handscope.estimators.recording_checks.check import suspicions_of, untested_of
 from handscope.sessions import motion_bids
 from handscope.sessions.files import frames
 from handscope.sessions.files.recording import LoadedRecording
@@ -98,20 +98,24 @@ class AnalysisRecording:
         Returns
         -------
         pandas.DataFrame
-            A row a finding: severity, code, sensors, message, and p_value, the probability of such readings without the fault.
+            A row a finding: severity, code, sensors, message, and p_value, the probability of such readings without the fault;
+            last what the movement is too little to test, without a p_value.
 
         Notes
         -----
         What is checked, and how: docs/checks.md.
         """
         found = suspicions_of(self.loaded)
+        untested = untested_of(self.loaded, found).messages
+        messages = [*(s.message for s in found), *untested]
+        sensors = [", ".join(s.sensors) for s in found]
         return frames.frame(
             {
-                "severity": [s.message.severity for s in found],
-                "code": [s.message.code for s in found],
-                "sensors": [", ".join(s.sensors) for s in found],
-                "message": [sentence(s.message) for s in found],
-                "p_value": [s.p_value for s in found],
+                "severity": [m.severity for m in messages],
+                "code": [m.code for m in messages],
+                "sensors": sensors + [", ".join(map(str, m.values.values())) for m in untested],
+                "message": [sentence(m) for m in messages],
+                "p_value": [s.p_value for s in found] + [float("nan")] * len(untested),
             }
         )
 

@@ -9,12 +9,12 @@ from typing import Any
 from handscope.app.commands.methods import add_recording
 from handscope.app.commands.shortfalls import shortfalls
 from handscope.app.commands.words import require_file, say
-from handscope.estimators.fault_detection.finding import Suspicion
+from handscope.estimators.fault_detection.finding import Suspicion, Untested
 from handscope.estimators.fault_detection.words import sentence
-from handscope.estimators.recording_checks.check import suspicions_of
+from handscope.estimators.recording_checks.check import suspicions_of, untested_of
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.formats import recordings as formats_recordings
-from handscope.sessions.formats.derivative import finding_table
+from handscope.sessions.formats.derivative import finding_table, untested_table
 from handscope.sessions.tables_io.writing import save_file
 
 
@@ -50,15 +50,21 @@ def run(arguments: argparse.Namespace) -> int:
         say(f"warning: {shortfall}")
     for suspicion in suspicions:
         say(f"{suspicion.message.severity}: {sentence(suspicion.message)}")
+    untested = untested_of(recording, suspicions)
+    for message in untested.messages:
+        say(f"{message.severity}: {sentence(message)}")
     say(f"sha256 {recording.checksum}")
     if arguments.json:
-        table = _table(recording, cut, suspicions)
+        table = _table(recording, cut, suspicions, untested)
         save_file((json.dumps(table, indent=1) + "\n").encode(), arguments.json)
     return 0
 
 
 def _table(
-    recording: LoadedRecording, cut: Sequence[str], suspicions: Sequence[Suspicion]
+    recording: LoadedRecording,
+    cut: Sequence[str],
+    suspicions: Sequence[Suspicion],
+    untested: Untested,
 ) -> dict[str, Any]:
     streams = [
         {
@@ -87,5 +93,6 @@ def _table(
         "events": events,
         "warnings": list(cut),
         "findings": [{**finding_table(s), "sentence": sentence(s.message)} for s in suspicions],
+        "untested": untested_table(untested),
         "sha256": recording.checksum,
     }

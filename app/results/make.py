@@ -211,6 +211,7 @@ def page_content(
             "quality": {s: asdict(q) for s, q in c.quality.items()},
         },
         "drift": _drifts(processed),
+        "untested": dict(derivative.untested_table(processed.untested)),
         "tasks": [_task(t) for t in tasks],
         "events": [
             {

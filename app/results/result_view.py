@@ -124,7 +124,8 @@ def _trust(
     measured = [(f["task"], f["measure"], _stored_figure(f)) for f in figures]
     asks_hand = resembles_other_hand(measured, changes, compared)
     found = judge_trust(rows, calibrated, edition, drifts, asks_hand)
-    return trust_payload(found, titles, language, edition)
+    untested = content.get("untested") or {}
+    return trust_payload(found, titles, language, edition, untested)
 
 
 def _figure_payload(

@@ -6,8 +6,9 @@ Rules     no: nothing was measured, there is no calibration, or more than MOST_P
           yes: else. Lost samples, warnings and the sizes of a calibration count only as far as they lower the grade of a figure
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Literal
 
 from handscope.app.language import Language
@@ -17,6 +18,7 @@ from handscope.app.report.references import Edition
 from handscope.app.report.units import reading, with_unit
 from handscope.app.report.words import named
 from handscope.estimators.data.trajectory import FLAG_WORDS, Flag
+from handscope.estimators.hand.anatomy import CHAINS
 from handscope.estimators.measures.figure import Figure
 from handscope.estimators.measures.resting_drift import Drift
 from handscope.estimators.messages.sentence import codes_of
@@ -89,9 +91,13 @@ def judge_trust(
 
 
 def trust_payload(
-    trust: Trust, titles: Mapping[str, str], language: Language, edition: Edition | None = None
+    trust: Trust,
+    titles: Mapping[str, str],
+    language: Language,
+    edition: Edition | None = None,
+    untested: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> dict[str, Any]:
-    """For pages: the answer in words, the reasons, and what to do, each once."""
+    """For pages: the answer in words, the reasons, and what to do, each once; `untested`: gyroscopes and strips that the movement did not test."""
     reasons = [d.reason for d in trust.doubts]
     todo = [language.say(f"trust.do.{what}") for what in _todo(trust.doubts)]
     todo += advice(reasons, language)
@@ -111,7 +117,21 @@ def trust_payload(
         "words": language.say(key, **facts),
         "reasons": listed + ([language.say("trust.more", count=more)] if more > 0 else []),
         "todo": todo,
+        "untested": list(_untested_words(untested, language)),
     }
+
+
+def _untested_words(untested: Mapping[str, Sequence[str]], language: Language) -> Iterator[str]:
+    """What the checks could not have found; a finger of which no sensor was tested by its name."""
+    sensors = list(untested.get("gyroscopes", ()))
+    for finger, chain in CHAINS.items():
+        if set(chain) <= set(sensors):
+            sensors[sensors.index(chain[0])] = finger
+            sensors = [s for s in sensors if s not in chain]
+    for what, parts in (("gyroscopes", sensors), ("strips", untested.get("strips", ()))):
+        if parts:
+            named_parts = language.several(map(language.segment, parts))
+            yield language.say(f"trust.untested_{what}", parts=named_parts)
 
 
 def _todo(doubts: Sequence[Doubt]) -> list[str]:

@@ -7,6 +7,28 @@ from handscope.estimators.messages import Message as Message
 
 
 @dataclass(frozen=True)
+class Untested:
+    """What the checks could not have found, for want of movement."""
+
+    gyroscopes: tuple[str, ...] = ()  # tracked points
+    strips: tuple[str, ...] = ()  # fingers
+
+    @property
+    def messages(self) -> tuple[Message, ...]:
+        """What is said of it, as information."""
+        parts = (
+            ("checks.untested_gyroscopes", "sensors", self.gyroscopes),
+            ("checks.untested_strips", "fingers", self.strips),
+        )
+        return tuple(
+            Message(code, {name: ", ".join(found)}, "info") for code, name, found in parts if found
+        )
+
+
+NOTHING_UNTESTED = Untested()
+
+
+@dataclass(frozen=True)
 class Suspicion:
     """One fault of sensors, or of the file, that the data show."""
 

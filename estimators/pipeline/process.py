@@ -19,7 +19,7 @@ from handscope.estimators.data.magnet_streams import find_magnetometers
 from handscope.estimators.data.mounting_change import MountingChange
 from handscope.estimators.data.samples import ORIENTATION, Block, Recording, WholeRecording
 from handscope.estimators.data.trajectory import Trajectory
-from handscope.estimators.fault_detection.finding import Suspicion
+from handscope.estimators.fault_detection.finding import NOTHING_UNTESTED, Suspicion, Untested
 from handscope.estimators.fault_detection.words import as_findings, sentence
 from handscope.estimators.force import fingertip_forces
 from handscope.estimators.orientation.given_orientations import (
@@ -65,6 +65,7 @@ class Processed:
     suspicions: tuple[
         Suspicion, ...
     ] = ()  # of the method, and of the checks (check.py) where they ran; among findings
+    untested: Untested = NOTHING_UNTESTED  # what the checks, where they ran, could not have found
 
 
 def process(

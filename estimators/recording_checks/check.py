@@ -17,7 +17,8 @@ from handscope.estimators.data.samples import Recording
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.fault_detection.check import check_recording
-from handscope.estimators.fault_detection.finding import Suspicion
+from handscope.estimators.fault_detection.coverage import untested
+from handscope.estimators.fault_detection.finding import Suspicion, Untested
 from handscope.estimators.fault_detection.words import as_findings, sentence
 from handscope.estimators.hand.anatomy import SEGMENT
 from handscope.estimators.methods import m2
@@ -64,6 +65,7 @@ def check_processed(processed: Processed, recording: Recording) -> Processed:
         warnings=tuple(messages),
         findings=(*processed.findings, *findings),
         suspicions=(*noticed, *suspicions),
+        untested=untested_of(recording, [*noticed, *suspicions], processed.calibrations),
     )
 
 
@@ -101,6 +103,17 @@ def suspicions_of(
     named = {n for s in found if s.message.severity != "info" for n in s.sensors}
     found += [s for s in check_joints(recording, known) if _is_asked(s) or not named & {*s.sensors}]
     return sorted([*found, *check_pose(recording, known)], key=_is_asked)
+
+
+def untested_of(
+    recording: Recording,
+    suspicions: Sequence[Suspicion],
+    calibrations: Sequence[Calibration] | None = None,
+) -> Untested:
+    """What the recording's movement is too little for, but for sensors of which something is found."""
+    known = calibrations_of(recording) if calibrations is None else calibrations
+    named = {n for s in suspicions if s.message.severity != "info" for n in s.sensors}
+    return untested(whole_of(recording), recording, known, named)
 
 
 def calibrations_of(recording: Recording) -> list[Calibration]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.options import values_of
-from handscope.estimators.fault_detection.finding import Suspicion
+from handscope.estimators.fault_detection.finding import Suspicion, Untested
 from handscope.estimators.hand.geometry import table_of
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import Processed
@@ -107,6 +107,7 @@ def _sidecar(
         "calibration_quality": {s: asdict(q) for s, q in processed.calibrations[0].quality.items()},
         "warnings": list(processed.warnings),
         "findings": [finding_table(s) for s in processed.suspicions],
+        "untested": untested_table(processed.untested),
     }
 
 
@@ -120,6 +121,11 @@ def finding_table(suspicion: Suspicion) -> Mapping[str, Any]:
         "spans": [[t if np.isfinite(t) else None for t in span] for span in suspicion.spans],
         "p_value": suspicion.p_value,
     }
+
+
+def untested_table(untested: Untested) -> Mapping[str, Any]:
+    """What the checks could not have found: sensors whose gyroscopes, and fingers whose strips, the movement does not test."""
+    return {"gyroscopes": list(untested.gyroscopes), "strips": list(untested.strips)}
 
 
 def _description(software: str) -> Mapping[str, Any]:

@@ -7,7 +7,7 @@ const LOOK = { yes: "good", mostly: "fair", no: "poor" };
 
 export function mount(root, api, { result }) {
   const { warnings, readings } = result;
-  const { answer, words, reasons, todo } = readings.trust;
+  const { answer, words, reasons, todo, untested } = readings.trust;
   const list = (each) =>
     h(
       "ul",
@@ -26,6 +26,7 @@ export function mount(root, api, { result }) {
     ...(reasons.length ? [list(reasons)] : []),
     ...(todo.length ? [h("h3", {}, t("quality.todo")), list(todo)] : []),
     ...(warnings.length ? [h("div", { class: "warning" }, list(warnings.map(inWords)))] : []),
+    ...(untested.length ? [h("details", { class: "more" }, h("summary", {}, t("quality.untested")), list(untested))] : []),
     details,
   );
   return () => {};

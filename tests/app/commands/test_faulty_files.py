@@ -167,3 +167,18 @@ def _grades(folder: Path) -> dict[str, str]:
     lines = (folder / "figures.csv").read_text().splitlines()
     table = csv.DictReader(line for line in lines if not line.startswith("#"))
     return {row["name"]: row["grade"] for row in table}
+
+
+def test_info_says_what_the_movement_is_too_little_to_test(
+    intact: LoadedRecording, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The three seconds of the initial pose: nothing moves in them."""
+    quiet = {n: b.between(b.t[0], b.t[0] + 3.0) for n, b in intact.samples.items()}
+    path, table = tmp_path / "quiet.zip", tmp_path / "info.json"
+    motion_bids.write(replace(intact, samples=quiet, events=()), path)
+    assert main(["info", str(path), "--json", str(table)]) == 0
+    assert (
+        "info: Not tested, as the movement is too little for it: strips of"
+        in capsys.readouterr().out
+    )
+    assert "index_middle" in json.loads(table.read_text())["untested"]["gyroscopes"]

@@ -79,3 +79,17 @@ def test_a_hand_that_calibrated_itself_without_a_pose_is_calibrated(
     rows = [asdict(figure()) | {"task": "rom_spread", "measure": "range_of_motion"}]
     content = {"calibration": {"quality": {}, "source": "free"}, "self_calibration": found}
     assert readings(content, rows, {}, EN)["trust"]["answer"] == answer
+
+
+def test_what_was_not_tested_is_said_by_finger_and_changes_no_answer() -> None:
+    untested = {
+        "gyroscopes": ["hand", "ring_proximal", "ring_middle", "ring_distal"],
+        "strips": ["index"],
+    }
+    trust = judge_trust([("tapping", figure())], True)
+    said = trust_payload(trust, {}, EN, untested=untested)
+    assert said["answer"] == "yes"
+    gyroscopes, strips = said["untested"]
+    assert "hand; ring" in gyroscopes
+    assert "index" in strips
+    assert trust_payload(trust, {}, EN)["untested"] == []

@@ -153,6 +153,22 @@ def find(pairs: Pairs, faulty: Sequence[str] = ()) -> list[Delay]:
     return [*single, *_best_spans(signals, together, spans, unexplained)]
 
 
+def comparable_fingers(pairs: Pairs) -> list[str]:
+    """Fingers whose strip moves together with enough others for a lag to show."""
+    if "hand" not in pairs.series.sensors:
+        return []
+    signals = _signals(pairs)
+    if len(signals.t) < paired_test.FEWEST or not signals.now:
+        return []
+    last = {f: chain[-1] for f, chain in CHAINS.items() if set(chain) <= set(signals.names)}
+    (whole,) = signals.unexplained_shares(_spans(signals.t)[:1])
+    in_time = np.abs(signals.lags[whole.argmin(axis=1)]) < LEAST - SPREAD
+    coherent = (whole.min(axis=1) < PREFILTER) & in_time
+    columns = [signals.names.index(s) for s in last.values()]
+    enough = coherent[columns][:, columns].sum(axis=1) - 1 >= FEWEST
+    return [finger for finger, is_enough in zip(last, enough) if is_enough]
+
+
 def _signals(pairs: Pairs) -> _Signals:
     s = pairs.series
     m, by = round(joint_windows.LENGTH * joint_windows.RATE), joint_windows.AVERAGED

@@ -1,0 +1,43 @@
+"""What a recording's movement is too little to test: said of a hand that lies still, of none that moves."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from handscope.estimators.data.samples import Block
+from handscope.estimators.fault_detection.coverage import untested
+from handscope.estimators.fault_detection.finding import Untested
+from handscope.estimators.hand.anatomy import CHAINS
+from handscope.estimators.simulation.scenario import Simulated
+from tests.estimators.fault_detection.joint_recordings import freely_moved
+
+
+def _asked(blocks: list[Block], **named: tuple[str, ...]) -> Untested:
+    recording: Simulated = freely_moved()
+    return untested(blocks, recording, (), named.get("named", ()))
+
+
+def _at_rest() -> list[Block]:
+    """The first reading again and again, with noise."""
+    rng = np.random.default_rng(5)
+    return [
+        replace(b, values=b.values[:1] + 2e-3 * rng.standard_normal(b.values.shape))
+        for b in freely_moved().blocks()
+    ]
+
+
+def test_everything_is_tested_where_hand_and_fingers_move() -> None:
+    assert _asked(list(freely_moved().blocks())) == Untested()
+
+
+def test_nothing_is_tested_where_nothing_moves() -> None:
+    found = _asked(_at_rest())
+    assert set(found.strips) == set(CHAINS)
+    assert {s for chain in CHAINS.values() for s in chain} <= set(found.gyroscopes)
+    assert [m.severity for m in found.messages] == ["info", "info"]
+
+
+def test_sensors_of_which_something_is_found_are_left_out() -> None:
+    found = _asked(_at_rest(), named=CHAINS["ring"])
+    assert "ring" not in found.strips
+    assert not set(CHAINS["ring"]) & set(found.gyroscopes)
