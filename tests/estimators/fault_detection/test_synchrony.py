@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from handscope.estimators.data.samples import Block
+from handscope.estimators.data.samples import ACC, GYR, Block, Stream
 from handscope.estimators.fault_detection.neighbours import check_neighbours as neighbours
 from handscope.estimators.fault_detection.neighbours.rates import synchrony
 from handscope.estimators.hand.anatomy import CHAINS
@@ -156,3 +156,28 @@ def test_fingers_that_follow_a_turning_hand_by_a_phase_are_not_late() -> None:
     pairs = neighbours.prepare_pairs(blocks, GEOMETRY, {}, [])
     assert pairs is not None
     assert synchrony.find(pairs) == []
+
+
+def _fast_fist(late: float) -> list[Block]:
+    """All fingers and the thumb at 2.5 Hz by rates alone, the index strip late: a quarter of a period is 0.1 s, and the thumb's rates fit as well 0.1 s early, negated."""
+    rng, t = np.random.default_rng(2), np.arange(0.0, 24.0, 0.01)
+    sensors = ("hand", *(s for chain in CHAINS.values() for s in chain))
+    values = rng.normal(size=(len(t), len(sensors), 6)) * [*[0.004] * 3, *[0.02] * 3]
+    values[:, :, 3] += 9.81
+    phase = 0.8 * np.sin(2 * np.pi * 0.13 * t)
+    for k, name in enumerate(sensors[1:], 1):
+        own = t - (late if name in CHAINS["index"] else 0.0)
+        rate = 6.0 * (1 + k % 3) / 3 * np.sin(2 * np.pi * 2.5 * own + phase)
+        values[:, k, 0 if name.startswith("thumb") else 2] += rate
+    return [Block(Stream("imu", sensors, (GYR, ACC), 100.0), t, values)]
+
+
+@pytest.mark.parametrize(("late", "named"), [(0.1, [CHAINS["index"]]), (0.0, [])])
+def test_a_thumb_half_a_period_off_contradicts_no_lag_of_a_rhythm(
+    late: float, named: list[tuple[str, ...]]
+) -> None:
+    pairs = neighbours.prepare_pairs(_fast_fist(late), GEOMETRY, {}, [])
+    assert pairs is not None
+    delays = [d for d in synchrony.find(pairs) if d.p_value < synchrony.FALSE_ALARM]
+    assert [d.sensors for d in delays] == named
+    assert all(abs(d.late - late) < 0.02 for d in delays)

@@ -302,6 +302,10 @@ def _test_span(
     inside = ((signals.t >= span[0]) & (signals.t < span[1])).astype(float)
     fits = [s for o in others if (s := _fit_lag(signals, group, o, inside)) is not None]
     coherent = [s for s in fits if _least_residual(s).sum() < EXPLAINED * s.variance]
+    if not coherent:
+        return None
+    consensus = _consensus_lag(np.array([s.lag for s in coherent]))
+    coherent = [s for s in coherent if not _is_half_a_period_off(signals, group, s, consensus)]
     lags = np.array([s.lag for s in coherent])
     if (
         not _are_sufficient(group, [s.other for s in coherent])
@@ -328,6 +332,16 @@ def _test_span(
     gain, weight = np.mean([g for g, _ in gains], axis=0), np.max([w for _, w in gains], axis=0)
     p = paired_test.p_value(gain, MARGIN, weight)
     return Delay(group, float(late), p, float(gain @ (weight > 0)) * len(near), span)
+
+
+def _is_half_a_period_off(
+    signals: _Signals, group: tuple[str, ...], fit: _LagFit, lag: float
+) -> bool:
+    """Whether another lag explains a rhythm as well with the other sign, where the sign is not known: such a fit neither confirms the lag nor contradicts it."""
+    if {group[-1], fit.other[-1]} <= signals.flexing or abs(fit.lag - lag) <= SPREAD + 1e-9:
+        return False
+    rest = fit.rest[int(np.argmin(abs(signals.lags - lag)))]
+    return bool(rest.sum() < EXPLAINED * fit.variance) and np.sign(fit.lag) != np.sign(lag)
 
 
 def _consensus_lag(lags: Array) -> float:
