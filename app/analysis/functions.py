@@ -12,8 +12,8 @@ from handscope.app.analysis.result import Result
 from handscope.app.options import with_options
 from handscope.estimators.data.samples import Recording
 from handscope.estimators.errors import InputError as InputError
-from handscope.estimators.fault_detection.words import sentence
 from handscope.estimators.hand.anatomy import Hand
+from handscope.estimators.messages.sentence import codes_of
 from handscope.estimators.methods import ALL_METHODS, default_for
 from handscope.estimators.pipeline.process import Processed
 from handscope.estimators.pipeline.process import process as process_recording
@@ -98,13 +98,9 @@ def process(recording: Source, method: str | None = None, **options: Any) -> Res
 
 
 def _once_a_code(made: Processed) -> list[str]:
-    """Warnings, of suspicions with one code the first; `Processed.warnings` has all."""
-    seen, more = set[str](), set[str]()
-    for suspicion in made.suspicions:
-        if suspicion.message.code in seen:
-            more.add(sentence(suspicion.message))
-        seen.add(suspicion.message.code)
-    return [w for w in made.warnings if w not in more]
+    """Warnings, of those with the same codes the first; `Processed.warnings` has all."""
+    first = {codes_of(w) or w: w for w in reversed(made.warnings)}
+    return [w for w in made.warnings if first[codes_of(w) or w] is w]
 
 
 def measure(

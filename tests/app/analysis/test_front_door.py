@@ -1,6 +1,7 @@
 """`import handscope` as a scientist wished for it: arrays in, tables out, nothing to guess."""
 
 import doctest
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from handscope.app.analysis import recording as recording_module
 from handscope.app.cli import main
 from handscope.app.language import ENGLISH
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages.sentence import codes_of
 
 pytest.importorskip("pandas")
 pytestmark = pytest.mark.filterwarnings("ignore:.*:UserWarning")
@@ -72,6 +74,26 @@ def test_strings_and_paths_are_taken_alike_and_the_result_keeps_its_parts(path: 
     assert a.calibrations[0].hand == "left"
     with pytest.raises(InputError, match="ekf"):
         a.angles_sd()
+
+
+def test_each_code_is_warned_of_once(path: str) -> None:
+    """Three middle sensors with one axis negated: what is said of each stands in the result, once a code in the warnings."""
+    block = hs.load(path).samples["imu"]
+    gyr = np.degrees(block.of("gyr"))
+    middle = [k for k, s in enumerate(block.stream.sensors) if s.endswith("_middle")][:3]
+    gyr[:, middle] *= [1, 1, -1]
+    rec = hs.from_arrays(
+        block.t, gyr, block.of("acc"), segments=block.stream.sensors, hand="left", gyr_unit="deg/s"
+    )
+    rec.add_pose(1.5, 3.0, thumb_cmc_deg=(0, -45, 60))
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        result = hs.process(rec, method="m2")
+    texts = [w.message.args[0] for w in said if isinstance(w.message, UserWarning)]
+    codes = [codes_of(text) for text in texts if codes_of(text)]
+    assert codes and len(codes) == len(set(codes))
+    every = [codes_of(w) for w in result.warnings]
+    assert set(codes) == {c for c in every if c} and len(every) > len(codes)
 
 
 def test_findings_come_as_a_table(arrays: Any) -> None:
