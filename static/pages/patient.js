@@ -11,6 +11,8 @@ import * as notes from "../patient/notes.js";
 import { makeRecord } from "../patient/record.js";
 import * as selfCalibrations from "../patient/self_calibrations.js";
 import * as photograph from "../patient/photograph.js";
+import { makeCourse } from "../progress/course.js";
+import * as glance from "../progress/glance.js";
 import * as progress from "../progress/progress.js";
 import * as upload from "../patient/upload.js";
 import * as visits from "../patient/visits.js";
@@ -36,7 +38,9 @@ export function mount(root, api, { id, go, title, roles }) {
       const stop = record.watch(name);
       const treats = roles.includes("clinician"); // who does not is shown what was measured, and nothing that the server refuses
       const place = (part) => [part, h("section", { class: "card" })];
-      const main = [treats && newSession, visits, progress].filter(Boolean).map(place);
+      const compared = glance.isRepeated(patient.sessions);
+      const seen = compared ? [[glance, h("section", { class: "key-figures" })]] : [];
+      const main = [treats && newSession, ...(compared ? [progress, visits] : [visits, progress])].filter(Boolean).map(place);
       const aside = (
         treats ? [facts, notes, upload, measures, photograph, selfCalibrations, keeping] : [facts, measures, selfCalibrations]
       ).map(place);
@@ -49,6 +53,7 @@ export function mount(root, api, { id, go, title, roles }) {
           "div",
           { class: "head" },
           h("div", {}, h("p", { class: "trail" }, h("a", { href: "/" }, t("patients.title"))), heading, about),
+          seen.map(([, part]) => part),
         ),
         h(
           "div",
@@ -69,7 +74,8 @@ export function mount(root, api, { id, go, title, roles }) {
         root.replaceChildren(farewell(counts));
         root.querySelector("a").focus();
       };
-      const unmount = assemble(api, { record, kept: makeKept(api, id), go, erased, treats }, [...main, ...aside]);
+      const shared = { record, course: makeCourse(api, id), kept: makeKept(api, id), go, erased, treats };
+      const unmount = assemble(api, shared, [...seen, ...main, ...aside]);
       leave = () => {
         stop();
         unmount();

@@ -36,8 +36,7 @@ export function mount(root, api, { record, kept, go }) {
     other,
     earlier,
     outlets,
-    planned,
-    field(t("new_session.examiner"), examiner, t("new_session.examiner.hint")),
+    h("div", { class: "side-by-side" }, planned, field(t("new_session.examiner"), examiner, t("new_session.examiner.hint"))),
     box.element,
     h("button", { class: "primary large", type: "submit" }, t("new_session.start")),
   );

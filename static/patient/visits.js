@@ -3,6 +3,7 @@ import { h } from "../dom.js";
 import { closing } from "./unfinished.js";
 import { clock, counted, dayAndTime, t } from "../words/words.js";
 
+const NEWEST = 5; // shown at first
 const KIND = { processed: "good", failed: "bad", open: "warn" };
 
 export function mount(root, api, { record, go }) {
@@ -14,18 +15,29 @@ export function mount(root, api, { record, go }) {
     () => gone || draw(new Map()),
   );
 
-  function draw(titles) {
+  function draw(titles, all = false) {
     const sessions = record.now.sessions;
     if (!sessions.length)
       return list.replaceChildren(h("p", { class: "empty" }, h("strong", {}, t("visits.empty")), t("visits.empty.next")));
+    const shown = all ? sessions : sessions.filter((session, k) => k < NEWEST || session.state === "open");
     const finished = (session) => go(`/sessions/${session.id}`);
     return list.replaceChildren(
       h(
         "ol",
         { class: "visits" },
-        sessions.map((s) => visit(s, titles, s.doubts.includes("overnight") && closing(api, s, () => finished(s)))),
+        shown.map((s) => visit(s, titles, s.doubts.includes("overnight") && closing(api, s, () => finished(s)))),
       ),
+      ...(shown.length < sessions.length ? [more(titles, shown.length)] : []),
     );
+  }
+
+  /** A press shows all, and goes on where the list ended. */
+  function more(titles, from) {
+    const show = () => {
+      draw(titles, true);
+      list.querySelectorAll("li > a")[from].focus();
+    };
+    return h("button", { onclick: show }, t("visits.all", { count: record.now.sessions.length }));
   }
 
   return () => {

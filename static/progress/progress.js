@@ -3,12 +3,13 @@ import { h } from "../dom.js";
 import { errorBox, select } from "../forms.js";
 import { language } from "../words/languages.js";
 import { known, t } from "../words/words.js";
+import { handsOf, hasCourse } from "./glance.js";
 import { legend, sources } from "./legend.js";
 import { drawSmall } from "./small.js";
 import { changeWords, judged, labelWords, partOf, PARTS } from "./figure_words.js";
 import { drawTreatment } from "./treatment.js";
 
-export function mount(root, api, { record, treats }) {
+export function mount(root, api, { record, course, treats }) {
   const box = errorBox();
   const body = h("div", {}, h("p", { class: "soft" }, t("loading")));
   const [head, summary, plots, foot] = ["div", "div", "div", "div"].map((tag) => h(tag, {}));
@@ -16,10 +17,13 @@ export function mount(root, api, { record, treats }) {
   const chosen = { hand: null, against: "first", view: null };
   let leave = [];
   let gone = false;
-  root.append(h("h2", {}, t("course.title")), body, treated, box.element);
-  const address = `/api/patients/${record.now.id}/progress`;
-  const loaded = Promise.all([api.get(address), api.titles().catch(() => new Map())]);
-  loaded.then(([payload, titles]) => gone || begin(payload, titles), failed);
+  const title = h("h2", { tabindex: "-1" }, t("course.title"));
+  root.append(title, body, treated, box.element);
+  course.first.then(([payload, titles]) => gone || begin(payload, titles), failed);
+  const stop = course.watch(() => {
+    root.scrollIntoView();
+    title.focus({ preventScroll: true });
+  });
 
   function failed(error) {
     if (!gone) body.replaceChildren();
@@ -27,20 +31,17 @@ export function mount(root, api, { record, treats }) {
   }
 
   async function again(titles) {
-    const payload = await api.get(address);
+    const payload = await course.again();
     if (!gone) begin(payload, titles);
   }
 
   function begin(payload, titles) {
     drawTreatment(treated, api, { patient: record.now.id, events: payload.treatment_events, treats, reload: () => again(titles) });
-    const repeated = (hand) => payload.series.some((series) => (series.hands[hand]?.points.length ?? 0) > 1);
-    const hands = Object.keys(payload.sessions).filter(repeated);
+    const hands = handsOf(payload);
     if (!hands.length) {
       body.replaceChildren(h("p", { class: "empty" }, h("strong", {}, t("course.empty")), t("course.empty.next")));
       return;
     }
-    const first = (hand) => (hand === payload.affected ? 1 : 0);
-    hands.sort((a, b) => first(b) - first(a) || payload.sessions[b].length - payload.sessions[a].length);
     chosen.hand ??= hands[0];
     const change = (more) => {
       Object.assign(chosen, more);
@@ -51,7 +52,7 @@ export function mount(root, api, { record, treats }) {
   }
 
   function draw(payload, titles, change, hands) {
-    const all = payload.series.filter((series) => (series.hands[chosen.hand]?.points.length ?? 0) > 1);
+    const all = payload.series.filter((series) => hasCourse(series, chosen.hand));
     const beyond = all.filter((series) => judged(series, chosen).beyond);
     const views = viewsOf(all);
     if (!views.includes(chosen.view)) chosen.view = views.includes(FIRST) || !beyond.length ? views[0] : partOf(beyond[0]);
@@ -69,6 +70,7 @@ export function mount(root, api, { record, treats }) {
 
   return () => {
     gone = true;
+    stop();
     leave.forEach((unmount) => unmount());
   };
 }

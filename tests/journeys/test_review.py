@@ -73,6 +73,7 @@ def test_progress_appears_with_the_second_session_and_says_that_nothing_changed(
     ).to_be_visible()
     first = page.locator(".multiple h3").first
     assert (first.inner_text(), page.get_by_label("Figures").input_value()) == ("Rate", "important")
+    key_figures_lead_without_pushing_the_new_session_away(page)
     page.get_by_label("Compared with").select_option("before")
     shown(page.get_by_text("measurement error round the session before"))
     keep_picture(page, "patient-progress")
@@ -92,6 +93,40 @@ def test_progress_appears_with_the_second_session_and_says_that_nothing_changed(
     page.reload()
     shown(rate.get_by_text("Goal: 3.00 per s to 4.50 per s").first)
     keep_picture(page, "patient-progress-goal")
+
+
+def key_figures_lead_without_pushing_the_new_session_away(page: Page) -> None:
+    before = page.viewport_size
+    page.set_viewport_size({"width": 1440, "height": 900})
+    tiles = page.get_by_role("button", name=re.compile("unchanged since"))
+    expect(tiles).to_have_count(3)
+    expect(tiles.first).to_contain_text("Finger tapping")
+    below = page.get_by_role("heading", name="New session").bounding_box()
+    assert below is not None and below["y"] < 300
+    tiles.first.click()
+    expect(page.get_by_role("heading", name="Progress", exact=True)).to_be_focused()
+    expect(page.get_by_role("heading", name="Progress", exact=True)).to_be_in_viewport()
+    order = page.locator(".beside > :first-child h2").all_inner_texts()
+    assert order == ["New session", "Progress", "Sessions"]
+    if before:
+        page.set_viewport_size(before)
+
+
+def test_of_many_sessions_the_newest_five_are_listed_until_all_are_wanted(
+    page_without_scene: Page, server: Server, processed: int
+) -> None:
+    page = page_without_scene
+    patient = api(page, f"/api/sessions/{processed}")["patient"]["id"]
+    whole = api(page, f"/api/patients/{patient}")
+    (one,) = whole["sessions"][:1]
+    many = {**whole, "sessions": [{**one, "id": 1000 + k} for k in range(7)]}
+    page.route(f"**/api/patients/{patient}", lambda route: route.fulfill(json=many))
+    page.goto(f"{server.base}/patients/{patient}")
+    rows = page.locator(".visits > li")
+    expect(rows).to_have_count(5)
+    page.get_by_role("button", name="Show all 7 sessions").click()
+    expect(rows).to_have_count(7)
+    expect(rows.nth(5).get_by_role("link")).to_be_focused()
 
 
 def test_a_replay_is_led_by_the_keyboard_and_repeats_a_task(
