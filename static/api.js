@@ -66,8 +66,8 @@ export function makeApi(stranger) {
   };
 }
 
-/** Send a form with a file; `progress` hears the share sent. */
-function upload(path, form, progress) {
+/** Send a form with a file; `progress` hears the share sent, `signal` stops it on its way. */
+function upload(path, form, progress, signal) {
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
     request.open("POST", path);
@@ -79,6 +79,8 @@ function upload(path, form, progress) {
       good ? resolve(request.response) : reject(new ApiError(request.response?.error ?? t("error.unreadable"), request.status));
     };
     request.onerror = () => reject(new ApiError(t("error.unreachable")));
+    request.onabort = () => reject(new ApiError(t("upload.stopped")));
+    signal?.addEventListener("abort", () => request.abort());
     request.send(form);
   });
 }

@@ -21,7 +21,8 @@ export function mount(root, api, { record, go }) {
   const name = h("strong", {}, t("upload.drop"));
   const pick = h("button", { type: "button", onclick: () => input.click() }, t("upload.choose"));
   const area = h("div", { class: "drop" }, h("p", {}, name), pick, input, h("p", { class: "hint" }, t("upload.kinds")));
-  const bar = progressBar(t("upload.progress"));
+  let sending = new AbortController();
+  const bar = progressBar(t("upload.progress"), () => sending.abort(), t("upload.stop"));
   const more = h("div", { hidden: true });
   const send = h("button", { class: "primary large", type: "submit", disabled: true }, t("upload.send"));
   const form = h("form", { novalidate: true }, area, more, bar.element, box.element, h("p", {}, send));
@@ -81,12 +82,13 @@ export function mount(root, api, { record, go }) {
     data.append("file", file);
     if (!isTable() && form.elements.method.value) data.append("method", form.elements.method.value);
     if (!isTable() && form.elements.upload_hand.value) data.append("hand", form.elements.upload_hand.value);
+    sending = new AbortController();
+    bar.set(0, t("upload.sending"));
     bar.element.hidden = false;
     try {
       const address = `/patients/${record.now.id}/${isTable() ? "tables" : "recordings"}`;
-      const kept = await api.upload(`/api${address}`, data, (share) =>
-        bar.set(share, t(share < 1 ? "upload.sending" : "upload.checking")),
-      );
+      const sent = (share) => bar.set(share, t(share < 1 ? "upload.sending" : "upload.checking"), share < 1);
+      const kept = await api.upload(`/api${address}`, data, sent, sending.signal);
       go(kept.table ? `${address}/${kept.table}` : `/sessions/${kept.session}`);
     } finally {
       bar.element.hidden = true;

@@ -1,16 +1,14 @@
 """Patients over the API."""
 
 import time
-from pathlib import Path
-from typing import Any
 
-import anyio
 import pytest
 from starlette.testclient import TestClient
 
 from handscope.app.api import progress
 from handscope.app.settings import Settings
 from handscope.sessions.store.store import Store
+from tests.app.closed_connection import status_of
 
 WAIT = 120.0  # s until a test gives up
 
@@ -179,40 +177,8 @@ def test_a_closed_connection_ends_what_is_made_for_it_and_the_next_is_served(
     path = f"/api/patients/{patient}/progress.pdf"
     with monkeypatch.context() as patch:
         patch.setattr(progress, "make_progress_report", take_long)
-        status = _asked_and_left(client, path, settings.data / "begun")
+        begun = settings.data / "begun"
+        status = status_of(client, "GET", path, b"hand=left", left=begun.exists)
     assert status == 499
     # nothing was measured yet: said at once
     assert client.get(f"{path}?hand=left").status_code == 422
-
-
-def _asked_and_left(client: TestClient, path: str, when: Path) -> int:
-    """The status of an answer whose reader leaves as soon as there is this file."""
-    cookies = "; ".join(f"{name}={value}" for name, value in client.cookies.items())
-    scope = {
-        "type": "http",
-        "asgi": {"version": "3.0"},
-        "http_version": "1.1",
-        "method": "GET",
-        "scheme": "http",
-        "path": path,
-        "raw_path": path.encode(),
-        "query_string": b"hand=left",
-        "headers": [(b"host", b"127.0.0.1:8420"), (b"cookie", cookies.encode())],
-        "client": ("127.0.0.1", 50000),
-        "server": ("127.0.0.1", 8420),
-        "state": {},
-    }
-    sent: list[dict[str, Any]] = []
-
-    async def receive() -> dict[str, Any]:
-        if not when.exists():
-            await anyio.sleep_forever()
-        return {"type": "http.disconnect"}
-
-    async def send(message: dict[str, Any]) -> None:
-        sent.append(message)
-
-    assert client.portal is not None
-    client.portal.call(client.app, scope, receive, send)  # type: ignore[arg-type]
-    status: int = sent[0]["status"]
-    return status
