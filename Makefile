@@ -19,10 +19,10 @@ test:
 	@$(MAKE) --no-print-directory --jobs 2 $(VENV)/runs check
 	@$(MAKE) --no-print-directory tests
 
-# What a contributor runs: no browser, no other program, nothing slow
+# What a contributor runs: no browser, no other program, no test of more than half a second
 test-fast:
 	@$(MAKE) --no-print-directory --jobs 2 $(VENV)/runs check
-	$(PYTEST) -m "not slow and not browser and not process" --ignore tests/journeys -n 2
+	$(PYTEST) -m "not slow and not long and not browser and not process" --ignore tests/journeys -n 2
 
 # Everything: also the Monte-Carlo trials and the long runs that are marked slow
 test-all:
@@ -84,9 +84,9 @@ WORKERS ?= 4
 tests: $(VENV)/runs $(VENV)/develops browser
 	$(PYTEST) -m "$(LANE)"
 
-# How long each test file takes, the longest first: the order in which they are handed out
+# How long each test file takes: the order in which they are handed out; and which tests take long
 durations: $(VENV)/runs $(VENV)/develops browser
-	$(BIN)/pytest -n 2 --dist loadfile --durations=0 -m "" | $(BIN)/python tests/durations.py > tests/durations.txt
+	$(BIN)/pytest -n 2 --dist loadfile --durations=0 -m "" | $(BIN)/python tests/durations.py
 
 # A glove's firmware: for this machine, for an emulated board and as an Arduino library; needs a C compiler, and for the board Debian's cross-compiler
 firmware:

@@ -20,6 +20,7 @@ from handscope.app.workers.process import CONTEXT
 from handscope.estimators.simulation.scenario import Simulated
 from tests import schedule
 from tests.browser import chromium
+from tests.durations import TESTS
 from tests.sessions import new_databases
 from tests.simulated import pose_and_wiggle
 
@@ -62,11 +63,14 @@ def pytest_collection() -> Iterator[None]:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The order of the schedule; whoever takes a browser or starts a program is marked so."""
+    """The order of the schedule; whoever takes a browser, starts a program or takes long is marked so."""
     schedule.order(items)
+    long = set(TESTS.read_text().splitlines())
     for item in items:
         if "browser" in getattr(item, "fixturenames", ()):
             item.add_marker("browser")
+        if item.nodeid in long:
+            item.add_marker("long")
         if {"virtual_glove", "subprocess"} & vars(item.module).keys():  # type: ignore[attr-defined]
             item.add_marker("process")
 

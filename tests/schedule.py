@@ -4,29 +4,26 @@ A journey waits for a hand that moves in real time, for a page, for a server: ot
 and two browsers are as many as two cores bear.
 """
 
-from pathlib import Path
-
 import pytest
 from xdist.remote import Producer
 from xdist.scheduler import LoadFileScheduling
 
-DURATIONS = Path(__file__).with_name("durations.txt")
+from tests.durations import FILES
+
 JOURNEYS = "tests/journeys/"
 LANES = 2
 
 
 def seconds() -> dict[str, float]:
     """How long each file takes, from the table that `make durations` writes."""
-    lines = [line.split() for line in DURATIONS.read_text().splitlines()]
+    lines = [line.split() for line in FILES.read_text().splitlines()]
     return {file: float(total) for total, file in lines}
 
 
 def lanes(known: dict[str, float]) -> dict[str, str]:
     """The lane of each file of journeys: the longest first, each into the lane that is shorter so far."""
-    root = DURATIONS.parent.parent
-    files = [
-        f.relative_to(root).as_posix() for f in DURATIONS.with_name("journeys").rglob("test_*.py")
-    ]
+    root = FILES.parent.parent
+    files = [f.relative_to(root).as_posix() for f in FILES.with_name("journeys").rglob("test_*.py")]
     taken = dict.fromkeys((f"{JOURNEYS}{k}" for k in range(LANES)), 0.0)
     found: dict[str, str] = {}
     for file in sorted(files, key=lambda f: (-known.get(f, 0.0), f)):
@@ -37,7 +34,7 @@ def lanes(known: dict[str, float]) -> dict[str, str]:
 
 def order(items: list[pytest.Item]) -> None:
     """The journeys, a lane after the other, then the longest files, so that no process works alone on the last of them."""
-    known, root = seconds(), DURATIONS.parent.parent
+    known, root = seconds(), FILES.parent.parent
     lane = lanes(known)
 
     def rank(item: pytest.Item) -> tuple[bool, str, float]:
