@@ -2,7 +2,7 @@
 import { h } from "../dom.js";
 import { errorBox, field, once, onSubmit } from "../forms.js";
 import { openedInEmergency } from "../patient/emergency.js";
-import { dayAndTime, known, t, whole } from "../words/words.js";
+import { shortDayAndTime, known, t, whole } from "../words/words.js";
 
 const PAGE = 100;
 const HEADS = ["when", "who", "what", "about", "patient", "where"];
@@ -67,7 +67,7 @@ function one({ id, at, who, what, kind, ref, patient, address, counts }) {
   const fields = (counts.fields ?? []).map((name) => known(`audit.field.${name}`, name)).join(", ");
   const about = [kind && known(`audit.kind.${kind}`, kind), ref, fields && `(${fields})`].filter(Boolean).join(" ");
   const cells = [who, known(`audit.does.${what.replaceAll(" ", "_")}`, what), about, patient ?? "", address];
-  return h("tr", { "data-id": id }, h("th", { scope: "row" }, dayAndTime(at)), cells.map((text) => h("td", {}, String(text))));
+  return h("tr", { "data-id": id }, h("th", { scope: "row" }, shortDayAndTime(at)), cells.map((text) => h("td", {}, String(text))));
 }
 
 function table(rows) {

@@ -5,7 +5,7 @@ import * as emergency from "../patient/emergency.js";
 import * as erasures from "../patient/erasures.js";
 import * as newPatient from "../patient/new_patient.js";
 import * as notFinished from "../patient/unfinished.js";
-import { counted, dayAndTime, t, whole } from "../words/words.js";
+import { counted, shortDayAndTime, t, whole } from "../words/words.js";
 
 const PAGE = 50;
 
@@ -106,11 +106,11 @@ function table(patients) {
       {},
       h("th", { scope: "row" }, h("a", { href: `/patients/${p.id}` }, p.pseudonym)),
       h("td", {}, p.sessions ? counted("sessions", p.sessions) : t("patients.none_yet")),
-      h("td", {}, p.last_session ? dayAndTime(p.last_session) : "–"),
+      h("td", {}, p.last_session ? shortDayAndTime(p.last_session) : "–"),
       h("td", {}, p.affected_hand ? t(`hand.${p.affected_hand}`) : "–"),
     ),
   );
-  const list = h("table", { class: "rows" }, h("thead", {}, h("tr", {}, head)), h("tbody", {}, rows));
+  const list = h("table", { class: "rows patients" }, h("thead", {}, h("tr", {}, head)), h("tbody", {}, rows));
   return h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": t("patients.title") }, list);
 }
 

@@ -49,7 +49,7 @@ function fingers({ fingers }) {
   const changed = fingers.some((row) => row[4]);
   const line = ([name, ...cells]) =>
     h("tr", {}, h("th", { scope: "row" }, name), (changed ? cells : cells.slice(0, 3)).map((words) => h("td", {}, words)));
-  return h("table", { class: "ranges" }, h("tbody", {}, fingers.map(line)));
+  return h("table", { class: "ranges by-finger" }, h("tbody", {}, fingers.map(line)));
 }
 
 /** Why figures cannot be trusted, and what to do about it. */

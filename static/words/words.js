@@ -28,10 +28,15 @@ const dayForm = new Intl.DateTimeFormat(locale, { day: "numeric", month: "long",
 const timeForm = new Intl.DateTimeFormat(locale, { hour: "2-digit", minute: "2-digit" });
 const wholeForm = new Intl.NumberFormat(locale);
 
+const NO_BREAK = String.fromCharCode(0xa0);
+
 /** Dates in the form of the language. */
 export const dateForm = (options) => new Intl.DateTimeFormat(locale, options);
 export const day = (moment) => dayForm.format(new Date(moment));
 export const time = (moment) => timeForm.format(new Date(moment));
+const shortForm = new Intl.DateTimeFormat(locale, { day: "numeric", month: "short", year: "numeric" });
+/** For a table's column: the day stays on one line. */
+export const shortDayAndTime = (moment) => `${shortForm.format(new Date(moment)).replace(/ /g, NO_BREAK)}, ${time(moment)}`;
 export const dayAndTime = (moment) => `${day(moment)}, ${time(moment)}`;
 /** A number with so many decimals. */
 export const decimal = (value, digits) => Number(value).toFixed(digits).replace(".", POINT);

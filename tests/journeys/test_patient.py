@@ -253,3 +253,23 @@ def test_a_photograph_gives_lengths_and_angles(page: Page, patient: int, tmp_pat
     assert abs(stored["palm_length"] - made.geometry.palm_length) < 3e-3
     page.get_by_role("button", name="Erase it").click()
     expect(page.locator("summary", has_text="Left hand,")).to_be_hidden()
+
+
+@pytest.mark.parametrize("language", ["en", "de", "fr"])
+def test_on_a_phone_a_row_of_the_patients_list_is_read_without_scrolling_sideways(
+    page_without_scene: Page, server: Server, patient: int, language: str
+) -> None:
+    page = page_without_scene
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.add_init_script(f"localStorage.setItem('handscope-language', '{language}')")
+    page.goto(server.base)
+    row = page.locator(".patients tbody tr").first
+    shown(row)
+    assert (
+        page.evaluate(
+            "() => { const box = document.querySelector('.patients').closest('.scroll'); return box.scrollWidth - box.clientWidth; }"
+        )
+        <= 0
+    )
+    box = row.bounding_box()
+    assert box is not None and box["height"] < 80  # two lines
