@@ -220,3 +220,22 @@ def test_exchanged_sensors_are_named_with_what_to_do_and_lower_their_figures(
     expect(trusted).to_contain_text("index distal")
     expect(trusted).to_contain_text("exchanged")
     expect(trusted).to_contain_text("record again")
+
+
+def test_what_the_movement_is_too_little_to_test_is_said_below_the_answer(
+    page: Page, patient: int, tmp_path: Path
+) -> None:
+    """Thumb and index tap each in their own rhythm: nothing shows whether their strips are late."""
+    path = simulate(tmp_path / "tapping.zip", "tapping")
+    upload(page, path.name, path.read_bytes())
+    page.wait_for_url("**/sessions/*")
+    trusted = page.locator(".card").filter(
+        has=page.get_by_role("heading", name="Can I trust these numbers?")
+    )
+    shown(trusted)
+    untested = trusted.locator("details").filter(has_text="Not tested")
+    untested.locator("summary").click()
+    page.locator(".results").evaluate("element => element.scrollIntoView()")
+    keep_screen(page, "untested")
+    expect(untested).to_contain_text("Strips, of which a delay of 0.2 s would not be noticed")
+    expect(untested).to_contain_text("index")
