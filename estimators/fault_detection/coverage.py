@@ -80,7 +80,7 @@ def _shown_by_gravity(blocks: Sequence[Block]) -> dict[str, bool]:
 def _gain_shows(rates: CommonRates | None, sensor: str) -> bool:
     if rates is None:
         return False
-    hinges = [j for j in rates.joints if sensor in j and j[0] != "hand"]
+    hinges = [j for j in rates.hinges if sensor in j and rates.explains]
     gains = [(1.0 if j[1] == sensor else GAIN, GAIN if j[1] == sensor else 1.0) for j in hinges]
     if any(_differs(rates.left(j), rates.left(j, 0.0, *g)) for j, g in zip(hinges, gains)):
         return True
@@ -92,7 +92,8 @@ def _delay_shows(rates: CommonRates | None, finger: str) -> bool:
     if rates is None:
         return False
     roots = [j for j in rates.pairs.joints if j[0] == "hand" and j[1] == CHAINS[finger][0]]
-    if any(_differs(rates.left(j), rates.left(j, LATE)) for j in roots if j in rates.joints):
+    by_rates = [j for j in roots if j in rates.joints and rates.explains]
+    if any(_differs(rates.left(j), rates.left(j, LATE)) for j in by_rates):
         return True
     return any(_acceleration_shows(rates.pairs, *j) for j in roots)
 

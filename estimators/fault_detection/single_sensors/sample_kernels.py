@@ -88,8 +88,8 @@ def add_log_ratio(step: Array, total: Array) -> None:
 
 
 @looped
-def explained_steps(values: Array) -> tuple[Array, Array, Array]:
-    """How far a sensor's rates and forces (n, 6) step between rows 2 and 3 behind each (n - 5,), in variances: what one rotation explains, the rest, and the rotation (n - 5, 3) rad.
+def explained_steps(t: Array, values: Array) -> tuple[Array, Array, Array]:
+    """How far a sensor's rates and forces (n, 6), read at t (n,), step between rows 2 and 3 behind each (n - 5,), in variances: what one rotation explains, the rest, and the rotation (n - 5, 3) rad.
 
     The variances are those of the steps beside; the rotation takes vectors behind the step to those before it.
     """
@@ -101,8 +101,9 @@ def explained_steps(values: Array) -> tuple[Array, Array, Array]:
     for k in range(n):
         for c in range(6):
             y = values[k : k + ROWS, c]
-            slope = (y[2] - y[0] + y[5] - y[3]) / 4
-            step[k, c] = middle(y[3], y[4], y[5]) - middle(y[0], y[1], y[2]) - 3 * slope
+            slope = (y[2] - y[0]) / (t[k + 2] - t[k]) + (y[5] - y[3]) / (t[k + 5] - t[k + 3])
+            course = 0.5 * slope * (t[k + 4] - t[k + 1])
+            step[k, c] = middle(y[3], y[4], y[5]) - middle(y[0], y[1], y[2]) - course
             square[k, c // 3] += step[k, c] ** 2
     for q in range(2):
         for k in range(n):

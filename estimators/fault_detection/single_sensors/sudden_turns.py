@@ -45,6 +45,7 @@ EXACT, EXACT_REST = (
 SEVERAL = 3  # sensors that step at once: rows are lost, no sensor slipped
 AT_ONCE = 0.1  # s
 SMALLEST = 1e-100  # probability; its logarithm has to be finite
+NO_GAP = 1.5  # usual intervals between the samples next to a step: none is missing
 LONGEST_STEP = 2.5  # usual intervals between samples; behind a longer gap the movement itself has turned the sensor
 
 
@@ -104,10 +105,10 @@ def _of_sensor(block: Block, column: int) -> Iterator[SuddenTurn]:
         return
     t, values = block.t[rows], np.ascontiguousarray(values[rows])
     usual = float(np.median(np.diff(t)))
-    explained, rest, turn = explained_steps(values)
+    explained, rest, turn = explained_steps(t, values)
     size = np.sqrt(explained / (1.0 + rest / EXPECTED_REST))
-    gap = np.lib.stride_tricks.sliding_window_view(np.diff(t), ROWS - 1).max(axis=1)
-    size[gap > LONGEST_STEP * usual] = 0.0
+    gap = np.lib.stride_tricks.sliding_window_view(np.diff(t), ROWS - 1) / usual
+    size[(gap > LONGEST_STEP).any(axis=1) | (gap[:, 1:-1] > NO_GAP).any(axis=1)] = 0.0
     peaks = _peaks(size, max(1, round(SPACING / usual)))
     usual_ones = peaks[LEAVE : LEAVE + TAIL]
     if len(usual_ones) < 5:

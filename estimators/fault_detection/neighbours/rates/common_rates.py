@@ -26,6 +26,7 @@ NOISE = 0.002  # rad/s, of an averaged rate
 SCALE = 0.01  # of a rate: scale and cross-axis errors
 PULLED = 0.015  # of the rates of all knuckles: what they turn the hand's sensor by skin
 MISALIGNED, BIASED = 0.1, 0.01  # rad, rad/s, standard deviations of what is fitted
+EXPLAINED = 1.5  # variances that most hinges leave at most in the middle of their windows
 REFITTED = 4  # passes from a fit that is near
 DOFS = {(j.parent, j.child): j.dofs for j in JOINTS}
 Joint = tuple[str, str]
@@ -44,6 +45,18 @@ class CommonRates:
     def joints(self) -> list[Joint]:
         """Joints of one axis, and those of flexion and abduction."""
         return [j for j in self.pairs.joints if DOFS[j] in ((0,), (0, 1)) and j[1] != "hand"]
+
+    @property
+    def hinges(self) -> list[Joint]:
+        """Joints of one axis."""
+        return [j for j in self.joints if j[0] != "hand"]
+
+    @cached_property
+    def explains(self) -> bool:
+        """Whether most hinges explain the rates on either side; otherwise it is not known how sensors sit on their segments, and rates tell nothing."""
+        left = [self.left(j) for j in self.hinges]
+        known = [float(np.nanmedian(each)) for each in left if np.isfinite(each).any()]
+        return bool(known) and float(np.median(known)) < EXPLAINED
 
     @cached_property
     def rates(self) -> Mapping[str, tuple[Array, NDArray[np.bool_]]]:

@@ -30,10 +30,11 @@ INNER = 3
 
 @inlined
 def corrected(w: Array, dr: float, di: float, br: float, bi: float, out: Array) -> None:
-    """Components across z (2), and about it, of rates whose frame is a little misaligned."""
-    out[0] = w[0] + dr * w[2] + br
-    out[1] = w[1] + di * w[2] + bi
-    out[2] = w[2] - dr * w[0] - di * w[1]
+    """Rates whose frame is tilted by the rotation vector (-di, dr, 0), to the second order, with their biases."""
+    square, along = 0.5 * (dr * dr + di * di), 0.5 * (dr * w[1] - di * w[0])
+    out[0] = w[0] + dr * w[2] - di * along - square * w[0] + br
+    out[1] = w[1] + di * w[2] + dr * along - square * w[1] + bi
+    out[2] = w[2] - dr * w[0] - di * w[1] - square * w[2]
 
 
 @inlined
@@ -71,9 +72,10 @@ def walk_window(
     has_abduction: bool,
     out: Array,
 ) -> float:
-    """Sum of squares of a window; out (12, 12): of products of the derivatives by x, by the angle and the abduction at its beginning, and of the residual."""
+    """Sum of squares of a window; out (11, 11): of products of the derivatives by x, by the angle and the abduction at its beginning, and of the residual."""
     a, b, ia, ib = np.empty(3), np.empty(3), np.zeros(2), np.zeros(2)
     d, e = np.empty(SIZE + 3), np.empty(SIZE + 3)
+    carried = np.zeros(SIZE + 1)  # derivatives of abduction
     clear(out)
     angle, abducted = -begin[0], begin[1]
     for j in range(m):
@@ -92,7 +94,7 @@ def walk_window(
         for k in range(2):
             ia[k] += 0.5 * dt * wa[i, k]
             ib[k] += 0.5 * dt * wb[i, k]
-        if weight[i] > 0.0:
+        if weight[i] > 0.0 or has_abduction:
             z, y = wb[i, 2], wa[i, 2]
             d[0], e[0] = z + pi * ib[0], -pr * ib[0]
             d[1], e[1] = pi * ib[1], z - pr * ib[1]
@@ -108,6 +110,9 @@ def walk_window(
             if has_abduction:
                 e[9] = -b[2] * ca - b[1] * sa
                 e[10] = b[1] * ca - b[2] * sa - pi
+                for p in range(SIZE + 1):
+                    e[p] += e[9] * (carried[p] + 0.5 * dt * d[p])
+                    carried[p] += dt * d[p]
             for p in range(SIZE + 3):
                 for q in range(p + 1):
                     product = e[p] * e[q]

@@ -25,15 +25,13 @@ MARGIN = 0.4  # of the mean log ratio, as for delays (delays.py)
 STEP = 0.04  # s, of the lags
 EXPLAINED = 4.0  # variances that joints leave at most where their cause is found
 FEW = 3  # windows
-MEDIAN, SPREAD = (
-    0.3,
-    0.6,
-)  # of what intact hinges leave in the FEW-th worst window: of 834 simulated ones 0.20 and 0.56, and axes of hands move
+# of what intact hinges leave in the FEW-th worst window: of 834 simulated ones 0.20 and 0.56, of freely moved hands with twice the skin 2.7 at most
+MEDIAN, SPREAD = 0.4, 0.6
 
 
 def find_gain(rates: CommonRates) -> Gain | None:
     """The most certain gain of a gyroscope, with the probability of such evidence without any."""
-    odd = [j for j in _odd_joints(rates) if j[0] != "hand"]  # a gain shows at a hinge, too
+    odd = [j for j in _odd_joints(rates) if j in rates.hinges]  # a gain shows at a hinge, too
     suspects = [s for s in rates.pairs.series.sensors if any(s in j for j in odd) and s != "hand"]
     tried = [_best_gain(rates, s) for s in suspects]
     count = len(rates.pairs.series.sensors) * len(GAINS)
@@ -129,14 +127,13 @@ def _at_lags(
 
 def find_unexplained(rates: CommonRates) -> Iterator[Unexplained]:
     """Hinges whose rates disagree in a few windows at least, more than those of intact sensors do."""
-    hinges = [j for j in rates.joints if j[0] != "hand"]
-    for joint in hinges:
+    for joint in rates.hinges if rates.explains else ():
         rest = rates.left(joint)
         known = np.sort(rest[np.isfinite(rest)])
         if len(known) < paired_test.FEWEST:
             continue
         ratio = float(known[-FEW])
-        p = float(normal_sf(np.log(max(ratio, 1e-12) / MEDIAN) / SPREAD)) * len(hinges)
+        p = float(normal_sf(np.log(max(ratio, 1e-12) / MEDIAN) / SPREAD)) * len(rates.hinges)
         if ratio > ODD:
             t = rates.t[rest > ODD]
             yield Unexplained(joint, ratio, min(1.0, p), (float(t[0]), float(t[-1])))
