@@ -44,6 +44,7 @@ from handscope.estimators.pipeline.run import run
 from handscope.estimators.self_calibration import initialisation as self_calibration_initialisation
 from handscope.estimators.self_calibration import messages as self_calibration_messages
 from handscope.estimators.self_calibration import (
+    multi_resolution,
     normal_equations,
     sample_preparation,
     segments,
@@ -74,6 +75,8 @@ ALONE = phrase("map.fingers_alone")
 # begun where each finger has its minimum: the next step would gain a hundredth of that
 TOGETHER = Limits(iterations=25, least_gain=0.25, chord=0.01)
 RIGID = 1e-3  # share of the soft-tissue artefact that is negligible
+SAMPLES_A_PERIOD = 10.0  # of the fastest movement, at least
+LEAST_SAMPLES = 1000  # that are kept of a stretch of as many
 SHARE = 0.6  # of the time, for which fingers are solved one by one
 
 
@@ -108,11 +111,7 @@ def solve(
             )
         except InputError as problem:
             problems.append(str(problem))
-    alone = parallel.run_each(
-        lambda limb, done: _calibrate_limb(params, recording, limb, done),
-        limbs,
-        lambda share: progress(SHARE * share),
-    )
+    alone = _calibrate_limbs(params, recording, limbs, lambda share: progress(SHARE * share))
     problems += dict.fromkeys(str(problem) for problem in alone if isinstance(problem, InputError))
     fingers = [finger for finger in alone if isinstance(finger, Finger)]
     if not any(f.name in CHAINS for f in fingers):
@@ -163,9 +162,48 @@ class _Limb:
     read: Readings
 
 
+def _calibrate_limbs(
+    params: Params,
+    recording: Recording,
+    limbs: Sequence[_Limb],
+    progress: Callable[[float], None],
+) -> list[Finger | InputError]:
+    """Every limb for itself, all with the same samples: those that the movement needs, or all where that is not enough."""
+    every = _kept_samples(params, limbs)
+
+    def solve_each(every: int) -> list[Finger | InputError | None]:
+        return parallel.run_each(
+            lambda limb, done: _calibrate_limb(params, recording, limb, every, done),
+            limbs,
+            progress,
+        )
+
+    alone = solve_each(every)
+    if any(found is None for found in alone):
+        alone = solve_each(1)
+    return [found for found in alone if found is not None]
+
+
+def _kept_samples(params: Params, limbs: Sequence[_Limb]) -> int:
+    """Every which sample is solved for."""
+    if not limbs:
+        return 1
+    fastest = max(sample_preparation.fastest_turning(limb.read) for limb in limbs)
+    read = limbs[0].read
+    return min(
+        multi_resolution.thinning(read.dt, max(params.least_rate, SAMPLES_A_PERIOD * fastest)),
+        max(1, len(read) // LEAST_SAMPLES),
+    )
+
+
 def _calibrate_limb(
-    params: Params, recording: Recording, limb: _Limb, progress: Callable[[float], None]
-) -> Finger:
+    params: Params,
+    recording: Recording,
+    limb: _Limb,
+    every: int,
+    progress: Callable[[float], None],
+) -> Finger | None:
+    """None where it was knocked, or came to no end, and samples were left out: all of them are needed."""
     noise = part_of(params, Noise)
     links, t, read = limb.links, limb.t, limb.read
     self_calibration_messages.require_movement(params, limb.name, read)
@@ -176,12 +214,18 @@ def _calibrate_limb(
         build_problem(links, noise, read, guess.q_GS[0], recording.hand, recording.mounting),
         recording.geometry.lengths,
     )
+    problem = multi_resolution.thin_problem(
+        multi_resolution.average_accelerations(problem, every), every
+    )
+    t = t[::every][: len(problem)]
     found = solver.solve_with_noise(
         problem,
-        guess,
+        multi_resolution.thin_unknowns(guess, every),
         Limits(),
         lambda k, cost: _report_progress(progress, min(0.9, k / 25)),
     )
+    if every > 1 and (found.outcome == "not converged" or found.outliers):
+        return None
     self_calibration_messages.require_one_minimum(params, limb.name, read, found, float(t[0]))
     described = _describe(
         params,

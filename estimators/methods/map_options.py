@@ -21,6 +21,13 @@ class Params(fusion_pipeline.Params, Noise, Requirements):
         "ours: the thesis' 40 s and some more",
         least=5.0,
     )
+    least_rate: float = option(
+        25.0,
+        "Hz",
+        "rate of samples that are solved for where movement is slow, ten in a period of the fastest where it is not: of more frequent samples every second, third and so on is taken, gyroscopes count at every sample",
+        "ours: docs/decisions/0022-rate-of-self-calibration.md",
+        least=10.0,
+    )
     length_guess: float = option(
         0.05,
         "1",

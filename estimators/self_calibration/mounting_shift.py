@@ -47,7 +47,7 @@ def find_mounting_shifts(solution: Solution, read: Readings) -> list[MountingShi
     halves = [
         _solve_half(solution, *span)
         if whole
-        else _solve_from_scratch(solution.problem, read, *span)
+        else _solve_from_scratch(solution.problem, read, *(k * len(read) // n for k in span))
         for span in spans
     ]
     if not whole and any(half.outcome != "converged" for half in halves):

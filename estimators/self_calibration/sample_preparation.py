@@ -25,6 +25,7 @@ LONGEST_GAP = (
 )
 MARGIN = 0.5  # s beside a stretch from which samples are taken
 LINED = 100  # samples that tell an even clock
+FAST = 0.99  # share of the power of angular rates
 EXCITATION_PERIOD = 1.0  # s over which movement is summed up
 
 
@@ -62,6 +63,15 @@ def prepare_readings(
     return t, Readings(
         each * period, v[..., :3], v[..., 3:], noisier * d[..., 0], noisier * d[..., 1]
     )
+
+
+def fastest_turning(read: Readings) -> float:
+    """Frequency (Hz) below which FAST of the power of the sensors' angular rates lies."""
+    w = (read.gyr - read.gyr.mean(axis=0)) * np.hanning(len(read))[:, None, None]
+    power = (np.abs(np.fft.rfft(w, axis=0)) ** 2).sum(axis=(1, 2)).cumsum()
+    if power[-1] <= 0:
+        return 0.0
+    return float(np.searchsorted(power, FAST * power[-1]) / (len(read) * read.dt))
 
 
 def resample_uniform(block: Block) -> Block:

@@ -246,12 +246,14 @@ def solve_with_noise(
         turn_sd=base.turn_sd * np.where(strange.suspect, outliers.OPENED, 1.0)[:, None],
     )
     steps = 0
-    if len(base) >= multi_resolution.LEAST and not strange.suspect.any():
-        coarse = _solve_every_fourth(initial, start, rough, go_on)
+    every = multi_resolution.thinning(base.dt, multi_resolution.COARSE)
+    is_long = len(base) * base.dt >= multi_resolution.LEAST
+    if every > 1 and is_long and not strange.suspect.any():
+        coarse = _solve_coarse(initial, start, every, rough, go_on)
         if coarse.outcome == "stopped":
             return replace(solve(initial, start, replace(limits, iterations=0)), outcome="stopped")
         if coarse.outcome == "converged":
-            start, steps = multi_resolution.refine(initial, coarse.at), len(coarse.costs) - 1
+            start, steps = multi_resolution.refine(initial, coarse.at, every), len(coarse.costs) - 1
     solution = _check_convergence(solve(initial, start, rough, _after(steps, go_on)))
     for left in range(limits.rounds - 2, -1, -1):
         if solution.outcome != "converged":
@@ -293,14 +295,18 @@ def solve_with_noise(
     )
 
 
-def _solve_every_fourth(
-    problem: Problem, start: Unknowns, limits: Limits, go_on: Callable[[int, float], bool]
+def _solve_coarse(
+    problem: Problem,
+    start: Unknowns,
+    every: int,
+    limits: Limits,
+    go_on: Callable[[int, float], bool],
 ) -> DescentResult[Problem, Unknowns]:
-    """Where every fourth sample has its minimum: near that of all, in a quarter of the time."""
+    """Where every k-th sample has its minimum: near that of all, in a fraction of the time."""
     return levenberg_marquardt(
         _operations([]),
-        multi_resolution.thin_problem(problem),
-        multi_resolution.thin_unknowns(start),
+        multi_resolution.thin_problem(problem, every),
+        multi_resolution.thin_unknowns(start, every),
         limits,
         go_on,
     )

@@ -10,8 +10,10 @@ from handscope.estimators.data.samples import Block, Event
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import FLEXION, JOINT
 from handscope.estimators.methods import BATCH
+from handscope.estimators.methods import map as method
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.pipeline.process import Processed, process
+from handscope.estimators.self_calibration.problem import Readings, build_chain
 from handscope.estimators.simulation import artificial_finger
 from handscope.estimators.simulation.artificial_finger import SEGMENTS
 from handscope.estimators.simulation.scenario import Simulated
@@ -283,3 +285,39 @@ def test_every_option_says_what_it_means() -> None:
         assert option.meaning, option.name
         assert option.source, option.name
         assert option.unit or option.kind != "float", option.name
+
+
+@pytest.mark.parametrize(
+    ("seconds", "frequency", "every"),
+    [(40.0, 1.0, 4), (40.0, 4.0, 2), (40.0, 6.0, 1), (20.0, 1.0, 2), (15.0, 1.0, 1)],
+)
+def test_as_many_samples_are_solved_for_as_the_movement_needs(
+    seconds: float, frequency: float, every: int
+) -> None:
+    """Ten in a period of the fastest, 25 Hz, and a thousand."""
+    assert method._kept_samples(METHOD.Params(), [_turning(seconds, frequency)]) == every
+
+
+def test_where_left_out_samples_hide_a_knock_all_limbs_are_solved_with_every_sample(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    seen = []
+
+    def calibrated(
+        params: object, recording: object, limb: object, every: int, done: object
+    ) -> None:
+        seen.append(every)
+
+    monkeypatch.setattr(method, "_calibrate_limb", calibrated)
+    limbs = [_turning(40.0, 1.0)] * 2
+    method._calibrate_limbs(METHOD.Params(), recorded(2, 1.0), limbs, lambda share: None)
+    assert seen == [4, 4, 1, 1]
+
+
+def _turning(seconds: float, frequency: float) -> method._Limb:
+    """Two sensors that turn to and fro so often a second."""
+    t = np.arange(round(100 * seconds)) / 100
+    rates = np.sin(2 * np.pi * frequency * t)[:, None, None] * np.ones((2, 3))
+    sure = np.ones((len(t), 2))
+    read = Readings(0.01, rates, np.zeros_like(rates), sure, sure)
+    return method._Limb("index", build_chain(("hand", "index_proximal")), t, read)
