@@ -7,6 +7,7 @@ the recording. Values are in each sensor's own frame; NaN is a missing sample.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -71,8 +72,7 @@ class Stream:
 
     def axes(self, quantity: str) -> slice:
         """Where the quantity's components lie in the last axis of a block's values."""
-        k = width_of(self.quantities[: self.quantities.index(quantity)])
-        return slice(k, k + len(COMPONENTS[quantity]))
+        return _axes(self.quantities, quantity)
 
 
 @dataclass(frozen=True)
@@ -185,6 +185,12 @@ class RecordingView:
 
     def blocks(self) -> Iterator[Block]:
         return self.recording.blocks()
+
+
+@cache
+def _axes(quantities: tuple[str, ...], quantity: str) -> slice:
+    k = width_of(quantities[: quantities.index(quantity)])
+    return slice(k, k + len(COMPONENTS[quantity]))
 
 
 def width_of(quantities: Sequence[str]) -> int:
