@@ -1,5 +1,6 @@
 """What work costs: processor time, which other work on the machine hardly changes, and the peak memory of a process that does nothing else."""
 
+import os
 import resource
 import statistics
 import subprocess
@@ -17,6 +18,7 @@ from handscope.estimators.pipeline.process import process
 from handscope.sessions.files.recording import LoadedRecording
 
 REPEATS = 5
+TICKS = os.sysconf("SC_CLK_TCK")
 
 
 def time_of_work(work: Callable[[], object]) -> float:
@@ -61,3 +63,46 @@ def high_water() -> float:
         float(next(line.split()[1] for line in status.splitlines() if line.startswith("VmHWM")))
         / 1024
     )
+
+
+def time_of_processes(pid: int) -> float:
+    """Processor time (s) of a process and its descendants so far."""
+    return sum(_stat(one)[1] for one in family(pid))
+
+
+def time_of_process(pid: int, thread: int | None = None) -> float:
+    """Processor time (s) of one process so far, or of one of its threads."""
+    return _stat(pid if thread is None else f"{pid}/task/{thread}")[1]
+
+
+def memory_of_processes(pid: int) -> float:
+    """MB of a process and its descendants; what several share counts once."""
+    return sum(_proportional_set_size(one) for one in family(pid))
+
+
+def family(pid: int) -> set[int]:
+    """A process and its descendants."""
+    parents = {
+        one: _stat(one)[0] for one in (int(path.name) for path in Path("/proc").glob("[0-9]*"))
+    }
+    found = {pid}
+    while more := {one for one, parent in parents.items() if parent in found} - found:
+        found |= more
+    return found
+
+
+def _stat(process: int | str) -> tuple[int, float]:
+    """Parent and processor time (s) so far; 0 of a process that has ended."""
+    try:
+        fields = Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()
+    except OSError:
+        return 0, 0.0
+    return int(fields[1]), (int(fields[11]) + int(fields[12])) / TICKS
+
+
+def _proportional_set_size(pid: int) -> float:
+    try:
+        lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
+    except OSError:
+        return 0.0
+    return next(float(line.split()[1]) for line in lines if line.startswith("Pss:")) / 1024

@@ -6,7 +6,6 @@ burst on arrival at the server defines its zero, as in sessions.clock_mapping; w
 
 import asyncio
 import json
-import os
 import tempfile
 import time
 from collections.abc import Sequence
@@ -19,7 +18,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.typing import Origin, Subprotocol
 
 from handscope.app.scene.bridge import PROTOCOL
-from handscope.validation.benchmarks import Metric
+from handscope.validation.benchmarks import Metric, costs
 from handscope.validation.benchmarks.server_under_test import (
     Client,
     act,
@@ -33,7 +32,6 @@ VIEWERS = 4
 SECONDS = 12.0  # less than the task lasts
 STREAM_RATE = 120.0  # Hz, of the program that reads the poses beside the viewers
 ASKED = 4  # times that a viewer asks for a scene
-TICKS = os.sysconf("SC_CLK_TCK")
 
 
 def measure() -> list[Metric]:
@@ -45,12 +43,12 @@ def measure() -> list[Metric]:
             station = begin_tasks(client, port)
             act(client, station, "choose", task="tapping")
             act(client, station, "start")
-            before, began = _cpu(pid), time.monotonic()
+            before, began = costs.time_of_processes(pid), time.monotonic()
             token = client.call("POST", f"/api/stations/{station}/streams", {"rate": STREAM_RATE})[
                 "token"
             ]
             ages, streamed = asyncio.run(_watch_both(client, station, token))
-            cpu = (_cpu(pid) - before) / (time.monotonic() - began)
+            cpu = (costs.time_of_processes(pid) - before) / (time.monotonic() - began)
             lost = sum(
                 s["lost"] for s in client.call("GET", f"/api/stations/{station}")["glove"]["strips"]
             )
@@ -146,19 +144,3 @@ def _socket(client: Client, path: str, *protocols: Subprotocol) -> connect:
         max_size=None,
         proxy=None,
     )
-
-
-def _cpu(pid: int) -> float:
-    """CPU seconds of a process and its descendants so far."""
-    seconds, parents = {}, {}
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            fields = path.read_text().rsplit(")", 1)[1].split()
-        except OSError:
-            continue
-        one = int(path.parent.name)
-        seconds[one], parents[one] = (int(fields[11]) + int(fields[12])) / TICKS, int(fields[1])
-    family = {pid}
-    while more := {one for one, parent in parents.items() if parent in family} - family:
-        family |= more
-    return sum(seconds.get(one, 0.0) for one in family)

@@ -1,10 +1,12 @@
 """Load: viewers of one station, then stations with a viewer each, more and more until the 99th percentile of latency is beyond LATEST; 17 sensors at 100 Hz each.
 
-Gloves, server and viewers share the machine, viewers take figures and 3-D scene. Beside each latency stands how much of the machine was used, and what
-the server's own process took: one Python process computes on about one core, however many there are; what records is in processes of its own.
+Gloves, server and viewers share the machine, viewers take figures and 3-D scene. Beside each latency stands how much of the machine was used, what of it
+gloves and viewers took, which in a clinic are hardware and other machines, and what the server's processes took alone; and the server's own process:
+one Python process computes on about one core, however many there are; what records and draws is in processes of its own.
 """
 
 import asyncio
+import os
 import tempfile
 import time
 from collections.abc import Iterator
@@ -15,14 +17,15 @@ from pathlib import Path
 
 import numpy as np
 
-from handscope.validation.benchmarks import Metric
-from handscope.validation.benchmarks.live import TICKS, watch
+from handscope.validation.benchmarks import Metric, costs
+from handscope.validation.benchmarks.live import watch
 from handscope.validation.benchmarks.server_under_test import Client, begin_tasks, glove, server
 
 VIEWERS = (1, 4, 16)  # of one station
 STATIONS = (2, 4, 6, 8)  # with one viewer each
 SECONDS = 6.0
 LATEST = 80.0  # ms
+MOST_MEMORY = 80.0  # MB a station
 
 
 @dataclass(frozen=True)
@@ -31,8 +34,11 @@ class Seen:
 
     p99: float  # ms
     machine: float  # share of all cores in use, by whomever
-    process: float  # cores that the server's own process took
-    loop: float  # of them, the thread that speaks to browsers
+    beside: float  # cores that gloves and viewers took
+    server: float  # cores that all processes of the server took
+    process: float  # of them, the server's own process
+    loop: float  # of it, the thread that speaks to browsers
+    memory: float  # MB of all processes of the server
 
 
 def measure() -> list[Metric]:
@@ -75,6 +81,13 @@ def measure() -> list[Metric]:
             float(STATIONS[-1]),
             "higher",
         ),
+        Metric(
+            "memory of a station, right after its start",
+            _growth(by_stations),
+            "MB",
+            MOST_MEMORY,
+            "lower",
+        ),
         Metric("blocks that live views left out", float(skipped), "blocks", None, "lower"),
     ]
 
@@ -91,13 +104,19 @@ def _until_late(
 
 
 def _under(client: Client, pid: int, stations: list[str], viewers: int) -> Seen:
-    before, began = (_machine(), _thread_seconds(pid)), time.monotonic()
+    before, began = _spent(pid), time.monotonic()
     ages = asyncio.run(watch(client, stations, viewers, SECONDS))
-    after, took = (_machine(), _thread_seconds(pid)), time.monotonic() - began
-    (busy, every), (process, loop) = (
-        tuple(b - a for a, b in zip(*pair)) for pair in zip(before, after)
+    after, took = _spent(pid), time.monotonic() - began
+    busy, every, own, server, process, loop = (b - a for a, b in zip(before, after))
+    return Seen(
+        float(np.percentile(ages, 99)),
+        busy / every,
+        (own - server) / took,
+        server / took,
+        process / took,
+        loop / took,
+        costs.memory_of_processes(pid),
     )
-    return Seen(float(np.percentile(ages, 99)), busy / every, process / took, loop / took)
 
 
 def _with_more(
@@ -119,29 +138,36 @@ def _begin_stations(
 
 
 def _metrics(load: str, seen: Seen) -> list[Metric]:
+    cores = os.cpu_count() or 1
     return [
         Metric(f"{load}: p99", seen.p99, "ms", LATEST, "lower"),
-        Metric("  of the machine", 100 * seen.machine, "%", None, "lower"),
-        Metric("  the server's process", seen.process, "cores", None, "lower"),
+        Metric("  of the machine, with whatever else runs", 100 * seen.machine, "%", None, "lower"),
+        Metric("  gloves and viewers", seen.beside, "cores", None, "lower"),
+        Metric("  all processes of the server", seen.server, "cores", None, "lower"),
+        Metric("  of the machine, the server alone", 100 * seen.server / cores, "%", None, "lower"),
+        Metric("  the server's own process", seen.process, "cores", None, "lower"),
         Metric("  of it, what speaks to browsers", seen.loop, "cores", None, "lower"),
     ]
+
+
+def _growth(seen: dict[int, Seen]) -> float:
+    """MB that each station more takes, of the fewest and the most."""
+    first, last = min(seen), max(seen)
+    return (seen[last].memory - seen[first].memory) / max(last - first, 1)
 
 
 def _most(seen: dict[int, Seen]) -> float:
     return float(max((n for n, one in seen.items() if one.p99 <= LATEST), default=0))
 
 
-def _machine() -> tuple[float, float]:
-    """Busy and all ticks of all cores so far."""
+def _spent(pid: int) -> tuple[float, ...]:
+    """So far: busy and all ticks of all cores; seconds of all that the benchmark started and itself, of the server's processes, of its own, of that one's first thread."""
     ticks = [float(word) for word in Path("/proc/stat").read_text().split("\n")[0].split()[1:9]]
-    return sum(ticks) - ticks[3] - ticks[4], sum(ticks)
-
-
-def _thread_seconds(pid: int) -> tuple[float, float]:
-    """CPU seconds of a process and of its first thread so far."""
-
-    def seconds(stat: Path) -> float:
-        fields = stat.read_text().rsplit(")", 1)[1].split()
-        return (int(fields[11]) + int(fields[12])) / TICKS
-
-    return seconds(Path(f"/proc/{pid}/stat")), seconds(Path(f"/proc/{pid}/task/{pid}/stat"))
+    return (
+        sum(ticks) - ticks[3] - ticks[4],
+        sum(ticks),
+        costs.time_of_processes(os.getpid()),
+        costs.time_of_processes(pid),
+        costs.time_of_process(pid),
+        costs.time_of_process(pid, pid),
+    )

@@ -7,8 +7,10 @@ import time
 import urllib.request
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from http import HTTPStatus
 from pathlib import Path
 from typing import Any
+from urllib.error import HTTPError
 
 WAIT = 120.0  # s for anything to happen: a busy machine takes its time
 
@@ -94,11 +96,8 @@ def begin_tasks(client: Client, port: Path, hand: str = "left") -> str:
     def state(wanted: Sequence[str]) -> Callable[[], bool]:
         return lambda: client.call("GET", f"/api/stations/{station}")["wizard"]["state"] in wanted
 
-    wait_for(
-        lambda: "continue" in client.call("GET", f"/api/stations/{station}")["wizard"]["actions"]
-    )
-    act(client, station, "continue")
-    act(client, station, "start")
+    wait_for(lambda: _is_taken(client, station, "continue"))
+    wait_for(lambda: _is_taken(client, station, "start"))
     wait_for(state(["pose_review"]))
     act(client, station, "accept")
     return station
@@ -107,6 +106,17 @@ def begin_tasks(client: Client, port: Path, hand: str = "left") -> str:
 def act(client: Client, station: str, action: str, **more: Any) -> None:
     """Take an action at a station, as a page does."""
     client.call("POST", f"/api/stations/{station}/actions", {"action": action, **more})
+
+
+def _is_taken(client: Client, station: str, action: str) -> bool:
+    """Take an action if it is possible now: on a busy machine samples may pause."""
+    try:
+        act(client, station, action)
+    except HTTPError as refusal:
+        if refusal.code != HTTPStatus.UNPROCESSABLE_ENTITY:
+            raise
+        return False
+    return True
 
 
 @contextmanager

@@ -1,5 +1,7 @@
 """The benchmarks' own arithmetic: what fills the database, and that every page's requests are answered."""
 
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -24,6 +26,7 @@ from handscope.validation.benchmarks import (
     share_of_yardstick,
     start,
 )
+from handscope.validation.benchmarks.server_under_test import wait_for
 
 
 @pytest.mark.parametrize("name", BENCHES)
@@ -118,11 +121,25 @@ def test_load_grows_until_it_is_too_late_and_what_was_in_time_is_told(
     monkeypatch.setattr(
         load,
         "_under",
-        lambda client, pid, stations, viewers: load.Seen(20.0 * viewers, 0.5, 0.6, 0.2),
+        lambda client, pid, stations, viewers: load.Seen(
+            20.0 * viewers, 0.5, 0.3, 0.8, 0.6, 0.2, 600.0 + 50.0 * viewers
+        ),
     )
     seen = dict(load._until_late(None, 0, ((n, ["a"]) for n in (1, 3, 5, 7))))  # type: ignore[arg-type]
     assert list(seen) == [1, 3, 5], "nothing is asked of it after 100 ms"
     assert load._most(seen) == 3.0
+    assert load._growth(seen) == 50.0
+
+
+def test_processor_time_and_memory_of_a_process_are_those_of_its_descendants_too() -> None:
+    spin = "x = b'1' * 20_000_000; import time\nwhile time.process_time() < 0.5: pass\ninput()"
+    code = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {spin!r}])"
+    with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE) as parent:
+        wait_for(lambda: costs.time_of_processes(parent.pid) > 0.3)
+        assert costs.time_of_process(parent.pid) < 0.3
+        assert len(costs.family(parent.pid)) == 2
+        assert costs.memory_of_processes(parent.pid) > 20.0
+        parent.communicate(b"\n")
 
 
 def test_the_committed_baseline_is_readable(tmp_path: Path) -> None:
