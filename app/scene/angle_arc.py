@@ -132,7 +132,7 @@ def _lines(measured: Measured, angles: Array, geometry: HandGeometry) -> _Lines 
         np.array([[centre, straight], [centre, bent]]),
         band,
         at(np.array([0.5 * value]), NUMBER * RADIUS)[0],
-        f"{round(float(np.degrees(value)))}°",
+        f"{round(float(np.degrees(value)))}°".replace("-", "−"),
     )
 
 

@@ -37,7 +37,7 @@ def test_the_arc_spans_the_angle(hand: Hand, what: str, degrees: float) -> None:
     one, other = (ray[1] - ray[0] for ray in drawn.rays)
     spanned = np.degrees(np.arccos(one @ other / np.linalg.norm(one) / np.linalg.norm(other)))
     assert spanned == pytest.approx(abs(degrees), abs=0.1)
-    assert drawn.text == f"{degrees:.0f}°"
+    assert drawn.text == f"{degrees:.0f}°".replace("-", "−")
     flat = _lines(Measured(what), bent(joint, name, -0.2), sized(hand))
     assert flat is not None and flat.text == "0°"
 
