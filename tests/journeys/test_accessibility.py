@@ -128,9 +128,16 @@ def test_list_and_help_pages(page: Page, server: Server) -> None:
 
 
 def test_patient_page(page: Page, server: Server, processed: int, recording: Path) -> None:
-    page.goto(f"{server.base}/patients/1")
+    again = recording.read_bytes()[:-2] + b"\x01\x00a"  # with a comment: another recording
+    sent = {"file": {"name": "a.zip", "mimeType": "application/zip", "buffer": again}}
+    patient = api(page, f"/api/sessions/{processed}")["patient"]["id"]
+    told = api(page, f"/api/patients/{patient}/recordings", "POST", multipart=sent)
+    page.goto(f"{server.base}/sessions/{told['session']}")
+    shown(page.get_by_role("heading", name="Finger tapping"))
+    page.goto(f"{server.base}/patients/{patient}")
+    shown(page.get_by_role("button", name="unchanged since").first)
     shown(page.get_by_role("radio", name="Virtual left glove"))
-    shown(page.get_by_role("link", name="2026"))
+    shown(page.get_by_role("link", name="2026").first)
     page.get_by_text("Hand measures").click()
     page.get_by_text("Lengths of the fingers", exact=True).click()
     page.get_by_text("Erase this patient for good…").click()
