@@ -22,6 +22,7 @@ from handscope.app.options import parse
 from handscope.app.private_log import begin_logging
 from handscope.app.server import create_app
 from handscope.app.settings import Settings
+from handscope.app.workers.memory_pools import limit_memory_pools
 from handscope.estimators.errors import InputError
 from handscope.estimators.messages.system import describe
 from handscope.sessions.clinic.second_factors import MISSING
@@ -44,6 +45,7 @@ def serve(
 ) -> None:
     """Listen, print the address, `printed` with a one-time token, call `on_ready`, serve until stopped."""
     keep_private()
+    limit_memory_pools()
     begin_logging()
     listener = _listen(arguments.host, arguments.port)
     base = _base(arguments.host, listener.getsockname()[1])
