@@ -96,6 +96,7 @@ class Picture:
         self.rgb = np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
         r, g, b = np.moveaxis(self.rgb, -1, 0)
         self.skin: Mask = (r > g + 12) & (g > b + 8) & (r > 110)
+        self.warm: Mask = r > b + 8  # skin and nails, which are paler where the light falls on them
         self.ghost: Mask = (b > r + 35) & (b > 205) & (g > r + 20)
         self.lit: Mask = (b > r + 90) & (r < 90) & (b > 110)
         self.cuff: Mask = (b > r + 12) & (b < 175) & (r > 40) & ~self.lit
@@ -227,7 +228,7 @@ def thumb_side(page: Page, scene: HandScene, keep: Path) -> float:
     """How much further a flat hand reaches to the right of the middle than to the left, pixels: the thumb does."""
     scene.show(postures.angles_of(task_performance.flat()), None)
     flat = settled(page, lambda p: hand_like(p) and np.ptp(np.nonzero(p.skin)[1]) > 105, keep)
-    columns = np.nonzero(flat.skin)[1] - QUICK[0] / 2
+    columns = np.nonzero(flat.warm)[1] - QUICK[0] / 2
     return float(columns.max() + columns.min())
 
 
