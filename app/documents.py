@@ -72,6 +72,7 @@ class Documents:
         except DiedError:
             raise InputError(ENDED) from None
         finally:
+            done.cancel()  # else what is ended would be told as an error that nobody heard
             if not waiting.cancel():
                 self._stop(wish)
 

@@ -78,7 +78,7 @@ def _shown_by_gravity(blocks: Sequence[Block]) -> dict[str, bool]:
 
 
 def _gain_shows(rates: CommonRates | None, sensor: str) -> bool:
-    if rates is None:
+    if rates is None or sensor not in rates.pairs.series.sensors:  # the trunk's has no neighbour
         return False
     hinges = [j for j in rates.hinges if sensor in j and rates.explains]
     gains = [(1.0 if j[1] == sensor else GAIN, GAIN if j[1] == sensor else 1.0) for j in hinges]

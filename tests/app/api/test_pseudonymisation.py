@@ -17,8 +17,8 @@ from tests.simulated import pose_and_wiggle
 
 SECRET, YEAR = "Gooseberry", "1937"
 TELLING = re.compile(
-    rf"{SECRET}|(?<![\d.]){YEAR}(?!\d)".encode()
-)  # a number of four digits, not some of a longer one
+    rf"{SECRET}|(?<![\w.+/]){YEAR}(?![\w+/])".encode()
+)  # a number of four digits, not some of a longer one or of packed bytes
 
 
 def test_no_address_shows_a_scientist_what_somebody_typed(

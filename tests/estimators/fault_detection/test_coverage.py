@@ -41,3 +41,10 @@ def test_sensors_of_which_something_is_found_are_left_out() -> None:
     found = _asked(_at_rest(), named=CHAINS["ring"])
     assert "ring" not in found.strips
     assert not set(CHAINS["ring"]) & set(found.gyroscopes)
+
+
+def test_a_trunk_s_sensor_that_rests_has_no_neighbour_to_be_compared_with() -> None:
+    still = _at_rest()[0]
+    of_trunk = replace(still.stream, name="trunk", sensors=("trunk",))
+    blocks = [*freely_moved().blocks(), replace(still, stream=of_trunk, values=still.values[:, :1])]
+    assert _asked(blocks) == Untested(("trunk",))

@@ -81,7 +81,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     app = create_app(settings)
     stations = Stations(lambda _: None)
     with closing(open_store(settings.data)) as store:
-        app.state.parts = Parts(settings, store, None, stations, None, None, None)  # type: ignore[arg-type]
+        app.state.parts = Parts(settings, store, None, None, stations, None, None, None)  # type: ignore[arg-type]
         with store.database() as db:
             accounts.add(db, "anna", ["clinician", "administrator"])
             patient = patients.create(db, CODE_OF_PATIENT)

@@ -63,7 +63,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
         pytest.MonkeyPatch.context() as patch,
     ):
         patch.setattr(streams, "SEND_WAIT", 0.3)
-        app.state.parts = Parts(settings, store, None, stations, None, None, None)  # type: ignore[arg-type]
+        app.state.parts = Parts(settings, store, None, None, stations, None, None, None)  # type: ignore[arg-type]
         url = f"http://127.0.0.1:{listener.getsockname()[1]}"
         server = uvicorn.Server(
             uvicorn.Config(app, log_level="critical", ws="websockets-sansio", lifespan="off")
