@@ -35,6 +35,7 @@ EXPLAINS = {  # what a cause of the file looks like at single sensors, by the ki
     "file.gyroscope_axes": "turned",
     "file.accelerometer_negated": "turned",
 }
+BY_TURNED = {"sensor.slipped", "sensors.disagree"}  # what a sensor that turned explains
 EDGE = 0.1  # s: checks look at windows, so a fault begins a little earlier and ends a little later than they say
 
 
@@ -48,7 +49,7 @@ def check_processed(processed: Processed, recording: Recording) -> Processed:
     suspicions = [
         s
         for s in suspicions_of(recording, processed.calibrations)
-        if not (s.message.code == "sensor.slipped" and turned & {*s.sensors})
+        if not (s.message.code in BY_TURNED and turned & {*s.sensors})
     ]
     processed = _without_explained(processed, {s.message.code for s in suspicions})
     findings = as_findings(suspicions)

@@ -172,8 +172,8 @@ def test_an_account_is_handed_over_by_a_code_and_then_logs_in_by_its_password(
         newcomer.wait_for_load_state("networkidle")
         keep_picture(newcomer, f"scientist{address.replace('/', '-')}")
         for words in CLINICIANS:
-            offered = newcomer.get_by_role("button", name=words).or_(
-                newcomer.get_by_role("link", name=words)
+            offered = newcomer.get_by_role("button", name=words, exact=True).or_(
+                newcomer.get_by_role("link", name=words, exact=True)
             )
             expect(offered.filter(visible=True)).to_have_count(0)
     assert refused == [], "nothing is asked for that the account may not see"
