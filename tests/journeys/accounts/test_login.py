@@ -13,7 +13,7 @@ CLINICIANS = (
     "Add note",
     "Upload and process",
     "Save measures",
-    "Export everything",
+    "Export everything (zip)",
     "Erase for good",
     "Report (PDF)",
 )  # words of what a scientist is not offered
