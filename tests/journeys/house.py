@@ -5,13 +5,13 @@ import os
 import re
 import socket
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from playwright.sync_api import Frame, Locator, Page, Route, expect
+from playwright.sync_api import Frame, Locator, Page, Route, TimeoutError, expect
 
 from handscope.app.auth.gate import new_token
 from handscope.app.cli import main
@@ -20,6 +20,7 @@ ROOT = Path(__file__).parents[2]
 NUMBERS = itertools.count(1)  # of patients made here
 SIZES = {"wide": (1440, 900), "tablet": (1024, 768)}
 LONG = 180_000  # ms that anything may take: a pose or a task, a computation, the scene on a machine that gives a tenth of a core
+QUESTION = 10_000  # ms until a question that does not stand there has gone
 RETRIES = 2  # of a question on a connection that the server has just closed, since nobody asked for some seconds
 
 
@@ -127,9 +128,16 @@ def sent_late(page: Page, address: str) -> Iterator[None]:
 
 
 def end_session(page: Page) -> None:
-    """End it early, from any step."""
-    page.locator('[data-act="finish"], .ending > button').filter(visible=True).click()
-    page.get_by_role("button", name=re.compile("Yes, (finish|end it)")).click()
+    """End it early, from any step; where the step changes meanwhile the question goes with it, and is asked for again."""
+    opener = page.locator('[data-act="finish"], .ending > button').filter(visible=True)
+    sure = page.get_by_role("button", name=re.compile("Yes, (finish|end it)")).filter(visible=True)
+    with suppress(TimeoutError):
+        opener.click()
+        sure.click(timeout=QUESTION)
+        page.wait_for_url("**/sessions/*")
+        return
+    opener.click()
+    sure.click()
     page.wait_for_url("**/sessions/*")
 
 

@@ -129,6 +129,8 @@ def _managed(page: Page) -> None:
     page.get_by_role("button", name="Make the ward").click()
     expect(page.get_by_label("Name of the ward").last).to_have_value("Neurology")
     expect(page.get_by_label("Name of the ward")).to_have_count(3)
+    offered = page.get_by_role("row", name="wanda").locator("label", has_text="Burns")
+    expect(offered.first).to_be_attached()  # the accounts are drawn anew after the wards
     page.get_by_role("row", name="wanda").locator("summary").click()
     row = page.get_by_role("row", name="wanda")
     row.get_by_role("checkbox", name="Burns").first.check()
