@@ -6,6 +6,7 @@ Source  ours: the acceleration of a common joint seen from either side at the de
 Limits  within +-`FURTHEST` s; a finger that moves while the hand rests tells no delay between the two, and a joint that rests tells all
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from handscope.estimators.numerics.typing import Array
 
 FURTHEST, COARSE, FINE = 0.36, 0.04, 0.01  # s
 FINER = 2  # steps of FINE beside the best coarse lag, between which a parabola has it
+MOST = 3  # delays that are told of a recording
 PARTS = 8  # of the recording, at whose edges a delay may begin or end
 TOLERATED = 0.02  # s: clocks of strips and a sample at 50 Hz
 MARGIN = 0.4  # of the mean log ratio of a joint: as much as skin may favour a delay; ours
@@ -46,18 +48,34 @@ def find(pairs: Pairs) -> list[Delay]:
     )
     parts = spans(begin, end)
     count = len(groups(pairs)) * (len(lags) + 2 * FINER) * len(parts)
-    found: list[Delay] = []
     curves: Curves = {}
-    poor = [j for j in pairs.joints if pairs.is_poor(*j)]
-    while poor and len(found) < 3:
-        suspects = [g for g in groups(pairs) if any((a in g) != (b in g) for a, b in poor)]
-        tried = [_best(pairs, lags, g, s, curves) for g in suspects for s in parts]
-        sure = [d for d in tried if d.p_value * count < LEAST_SURE]
+    return most_certain(
+        [j for j in pairs.joints if pairs.is_poor(*j)],
+        groups(pairs),
+        lambda g: [_best(pairs, lags, g, s, curves) for s in parts],
+        count,
+    )
+
+
+def most_certain(
+    doubted: Sequence[tuple[str, str]],
+    every: Sequence[tuple[str, ...]],
+    tried: Callable[[tuple[str, ...]], Sequence[Delay]],
+    count: int,
+) -> list[Delay]:
+    """The delay that the doubted joints show best, then that of those which it does not explain: three at most, of `count` that were looked for.
+
+    `every` group of sensors that may be late together; `tried` gives the delays of one.
+    """
+    found: list[Delay] = []
+    while doubted and len(found) < MOST:
+        suspects = [g for g in every if any((a in g) != (b in g) for a, b in doubted)]
+        sure = [d for g in suspects for d in tried(g) if d.p_value * count < LEAST_SURE]
         if not sure:
             break
         best = max(sure, key=lambda d: d.gain)
         found.append(replace(best, p_value=best.p_value * count))
-        poor = [j for j in poor if not any(s in j for s in best.sensors)]
+        doubted = [j for j in doubted if not any(s in j for s in best.sensors)]
     return found
 
 

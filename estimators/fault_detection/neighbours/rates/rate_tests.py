@@ -75,17 +75,12 @@ def find_delays(rates: CommonRates, faulty: Sequence[str] = ()) -> list[Delay]:
     steps = round(delays.FURTHEST / STEP)
     lags = STEP * np.arange(-steps, steps + 1, dtype=float)
     count = len(groups) * 2 * len(lags) * len(spans)
-    found: list[Delay] = []
-    while odd and len(found) < 3:
-        asked = [g for g in groups if any((a in g) != (b in g) for a, b in odd)]
-        tried = [d for g in asked for s in spans if (d := _best_delay(rates, lags, g, s))]
-        sure = [d for d in tried if d.p_value * count < delays.LEAST_SURE]
-        if not sure:
-            break
-        best = max(sure, key=lambda d: d.gain)
-        found.append(replace(best, p_value=best.p_value * count))
-        odd = [j for j in odd if not any(s in j for s in best.sensors)]
-    return found
+    return delays.most_certain(
+        odd,
+        groups,
+        lambda g: [d for s in spans if (d := _best_delay(rates, lags, g, s))],
+        count,
+    )
 
 
 def _best_delay(
