@@ -82,6 +82,22 @@ def test_bones_of_a_measured_finger_make_up_for_each_other(finger: str) -> None:
     assert np.sqrt(whole.sum()) == pytest.approx(FEW_PERCENTS * size.sum(), rel=0.01)
 
 
+def test_fingers_derived_from_the_palm_err_as_fingers_scatter_between_people() -> None:
+    """One ratio more than those derived from the hand's length or from another finger."""
+    palm = HandMeasures(palm_length=0.083)
+    size = np.array([sized("left", palm).lengths[s] for s in CHAINS["middle"]])
+
+    def share(measures: HandMeasures) -> float:
+        bones = length_covariance.covariance(sized("left", measures), FEW_PERCENTS)[2, 3:, 3:]
+        return float(np.sqrt(size @ bones @ size) / size.sum())
+
+    assert share(palm) == pytest.approx(0.06, rel=0.01)
+    assert share(replace(palm, hand_length=0.19)) == pytest.approx(FEW_PERCENTS, rel=0.01)
+    assert share(replace(palm, finger_length={"index": 0.09})) == pytest.approx(
+        FEW_PERCENTS, rel=0.01
+    )
+
+
 def test_bones_measured_one_by_one_err_each_for_itself() -> None:
     measured = HandMeasures(segment_length=dict.fromkeys(CHAINS["ring"], 0.03))
     np.testing.assert_allclose(
