@@ -7,15 +7,16 @@ Source  ours: a linear Gaussian model of gravity in all sensors. Unknown sizes o
 Limits  first order in the angles; gravity tells nothing about turns about the vertical; the pose's size is told by few joints, so the option counts for much
 """
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
 from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.finger_ekf.sensor_to_segment import SensorToSegmentParams
 from handscope.estimators.hand import forward_kinematics, joint_angles
-from handscope.estimators.hand.anatomy import JOINTS, SEGMENT, SEGMENTS
+from handscope.estimators.hand.anatomy import IS_DOF, JOINTS, SEGMENT, SEGMENTS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.orientation.fusion import make_upright
@@ -29,6 +30,39 @@ POSE_SCALES = 2.0 ** np.arange(-1.5, 2.01, 0.5)  # of the pose's errors against 
 POSE_SCALE_SD = 0.5  # of its logarithm: most people between 0.6 and 1.6 of it
 UNLIKELY = 1e-6  # weight of a pair of scales, against the likeliest, that counts for nothing
 VERTICAL = np.array([0.0, 0.0, 1.0])
+
+
+def prior_covariance(
+    params: SensorToSegmentParams, calibration: Calibration, pose_sd: Array
+) -> Array:
+    """Covariance (SIZE, SIZE) rad^2 before gravity is looked at: mountings from a functional calibration, else by the option."""
+    calibrated = [SEGMENT[s] for s in calibration.q_BS_sd]
+    sd = misalignment_sd(params, calibration)
+    covariance = np.diag(np.concatenate([np.full(MOUNTINGS, sd**2), pose_sd.ravel() ** 2]))
+    places = (3 * np.array(calibrated, int)[:, None] + np.arange(3)).ravel()
+    covariance[np.ix_(places, places)] = calibration.mounting_covariance()
+    return covariance
+
+
+def pose_angles_sd(params: SensorToSegmentParams, calibration: Calibration) -> Array:
+    """Standard deviations (joints, 3) of the pose's angles, rad: as they were measured, else as a person takes the pose."""
+    sd = measured_pose_sd(calibration)
+    return np.asarray(np.where(np.isnan(sd), np.radians(params.pose_sd), sd) * IS_DOF)
+
+
+def measured_pose_sd(calibration: Calibration) -> Array:
+    """Standard deviations (joints, 3) of angles that were measured in the pose, rad; NaN elsewhere."""
+    return np.array([calibration.pose_sd.get(j.name, (np.nan,) * 3) for j in JOINTS])
+
+
+def misalignment_sd(params: SensorToSegmentParams, calibration: Calibration) -> float:
+    """Standard deviation of a sensor's turn about each axis, rad: as the option says, or as those
+    about the two level axes that the pose has seen."""
+    seen = np.array([q.misalignment for q in calibration.quality.values()])
+    return max(
+        float(np.radians(params.misalignment)),
+        float(np.sqrt((seen**2).mean() / 2)) if len(seen) else 0.0,
+    )
 
 
 @dataclass(frozen=True)
@@ -58,8 +92,42 @@ def infer(
     `mounting_sd` rad about each axis, `pose_sd` (joints, 3) rad, 0 where the joint has no such freedom, `gravity_sd` rad; `measured` (joints, 3): the
     standard deviation is that of a measurement, and its size is known.
     """
-    on_hand = _on_hand(calibration)
+    on_hand = segments_on_hand(calibration)
     seen = _gravity_seen(calibration, on_hand)
+    fits = _fits(seen, mounting_sd, pose_sd, gravity_sd, measured)
+    error = _mean([(f.weight, f.mean) for f in fits if f.pose_scale == 1.0])
+    P = _mean([(f.weight, f.covariance + np.outer(f.mean - error, f.mean - error)) for f in fits])
+    up = quat.rotate(quat.exp(error[:3]), seen.up)
+    return _posed(calibration, on_hand, up, error[3 + MOUNTINGS :].reshape(-1, 3)), P[3:, 3:]
+
+
+def second_moment(
+    calibration: Calibration,
+    mounting_sd: float,
+    pose_sd: Array,
+    gravity_sd: float,
+    measured: Bools | None = None,
+) -> Array:
+    """Mean square (SIZE, SIZE) rad^2 of the errors of a method that takes the pose as asked for; arguments as of `infer`."""
+    seen = _gravity_seen(calibration, segments_on_hand(calibration))
+    fits = _fits(seen, mounting_sd, pose_sd, gravity_sd, measured)
+    return _mean([(f.weight, f.covariance + np.outer(f.mean, f.mean)) for f in fits])[3:, 3:]
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Tilt of the hand, mountings and pose for one pair of sizes."""
+
+    pose_scale: float
+    weight: float
+    mean: Array  # (3 + SIZE,) rad
+    covariance: Array
+
+
+def _fits(
+    seen: _Seen, mounting_sd: float, pose_sd: Array, gravity_sd: float, measured: Bools | None
+) -> list[_Fit]:
+    """For every pair of sizes that is likely enough, and for all with the option's size of the pose."""
     known = np.zeros(pose_sd.shape, bool) if measured is None else measured
     scaled = np.concatenate([np.zeros(3 + MOUNTINGS, bool), ~known.ravel()])
     usual = np.concatenate(
@@ -73,22 +141,17 @@ def infer(
         variances.append(sd**2)
         logs.append(_log_likelihood(seen, sd**2, gravity_sd) - 0.5 * prior)
     weights = np.exp(np.array(logs) - max(logs))
-    fits = {
-        k: _condition(seen, variances[k], gravity_sd)
-        for k, (_, pose_scale) in enumerate(scales)
-        if weights[k] > UNLIKELY or pose_scale == 1.0
-    }
-    of_option = {k: weights[k] for k in fits if scales[k][1] == 1.0}
-    error = _mean({k: fits[k][0] for k in of_option}, of_option)
-    squares = {k: C + np.outer(m - error, m - error) for k, (m, C) in fits.items()}
-    P = _mean(squares, {k: weights[k] for k in fits})
-    up = quat.rotate(quat.exp(error[:3]), seen.up)
-    return _posed(calibration, on_hand, up, error[3 + MOUNTINGS :].reshape(-1, 3)), P[3:, 3:]
+    return [
+        _Fit(scales[k][1], weights[k], *_condition(seen, variances[k], gravity_sd))
+        for k in range(len(scales))
+        if weights[k] > UNLIKELY or scales[k][1] == 1.0
+    ]
 
 
-def _mean(values: Mapping[int, Array], weights: Mapping[int, float]) -> Array:
-    whole = sum(weights.values())
-    return np.asarray(np.sum([weights[k] / whole * v for k, v in values.items()], axis=0))
+def _mean(weighted: Sequence[tuple[float, Array]]) -> Array:
+    """Mean of values with their weights."""
+    whole = sum(weight for weight, _ in weighted)
+    return np.asarray(np.sum([weight / whole * value for weight, value in weighted], axis=0))
 
 
 def _log_likelihood(seen: _Seen, variance: Array, gravity_sd: float) -> float:
@@ -107,7 +170,7 @@ def _condition(seen: _Seen, variance: Array, gravity_sd: float) -> tuple[Array, 
     return gain @ seen.residual, np.diag(variance) - gain @ HP
 
 
-def _on_hand(calibration: Calibration) -> Array:
+def segments_on_hand(calibration: Calibration) -> Array:
     """Orientations (segments, 4) on the hand in the pose; a segment without a sensor is straight on its parent."""
     q_GB = {
         s: quat.multiply(q, quat.conjugate(calibration.q_BS[s]))
@@ -125,9 +188,9 @@ def _on_hand(calibration: Calibration) -> Array:
     return found
 
 
-def _gravity_seen(calibration: Calibration, on_hand: Array) -> _Seen:
-    """A sensor whose mounting errs by m, on a segment that the pose misses by r, sees gravity turned by m - r."""
-    missed = np.zeros((len(SEGMENTS), 3, SIZE))  # (segments) r by the errors, in the hand's frame
+def missed_orientations(on_hand: Array) -> Array:
+    """Derivative (segments, 3, SIZE) of the segments' orientations, in the hand's frame, by the errors of the pose's angles."""
+    missed = np.zeros((len(SEGMENTS), 3, SIZE))
     axes = joint_angles.axes(joint_angles.of_segments(on_hand))
     for j, joint in enumerate(JOINTS):
         p, c, own = SEGMENT[joint.parent], SEGMENT[joint.child], MOUNTINGS + 3 * j
@@ -136,6 +199,12 @@ def _gravity_seen(calibration: Calibration, on_hand: Array) -> _Seen:
         else:
             missed[c] = missed[p]
             missed[c, :, own : own + 3] += quat.matrix(on_hand[c]) @ axes[j]
+    return missed
+
+
+def _gravity_seen(calibration: Calibration, on_hand: Array) -> _Seen:
+    """A sensor whose mounting errs by m, on a segment that the pose misses by r, sees gravity turned by m - r."""
+    missed = missed_orientations(on_hand)
     names = [SEGMENT[s] for s in calibration.q_GS]
     seen = np.array([_up_on_hand(calibration, on_hand, s) for s in calibration.q_GS])
     up = np.median(seen[[s != "forearm" for s in calibration.q_GS]], axis=0)

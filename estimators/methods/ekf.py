@@ -35,7 +35,7 @@ from handscope.estimators.finger_ekf.output_covariance import JOINTS_OF
 from handscope.estimators.finger_ekf.sensor_to_segment import SensorToSegmentPrior
 from handscope.estimators.hand import joint_angles, length_covariance
 from handscope.estimators.hand import pose as hand_pose
-from handscope.estimators.hand.anatomy import FINGERS, IS_DOF, JOINTS, SEGMENT, SEGMENTS
+from handscope.estimators.hand.anatomy import FINGERS, JOINTS, SEGMENT, SEGMENTS
 from handscope.estimators.hand.forward_kinematics import CHAIN_SEGMENTS
 from handscope.estimators.hand.pose import Pose
 from handscope.estimators.messages.sentence import phrase
@@ -172,17 +172,15 @@ def _sensor_to_segment_prior(
 ) -> tuple[Calibration, SensorToSegmentPrior]:
     """The calibration with what gravity tells of pose and mounting, and how well both are known: from a functional calibration, else by the options."""
     calibrated = [SEGMENT[s] for s in calibration.q_BS_sd]
-    sd, pose_sd = _misalignment_sd(params, calibration), _pose_sd(params, calibration)
-    covariance = np.diag(np.concatenate([np.full(3 * len(SEGMENTS), sd**2), pose_sd.ravel() ** 2]))
-    places = (3 * np.array(calibrated, int)[:, None] + np.arange(3)).ravel()
-    covariance[np.ix_(places, places)] = calibration.mounting_covariance()
+    pose_sd = pose_inference.pose_angles_sd(params, calibration)
+    covariance = pose_inference.prior_covariance(params, calibration, pose_sd)
     if params.pose_inference and pose_inference.can_infer(calibration):
         calibration, covariance = pose_inference.infer(
             calibration,
             math.radians(params.misalignment),
             pose_sd,
             math.radians(params.angle_sd),
-            ~np.isnan(_measured_pose_sd(calibration)),
+            ~np.isnan(pose_inference.measured_pose_sd(calibration)),
         )
     mountings = (3 * SENSORS[..., None] + np.arange(3)).reshape(len(SENSORS), 12)
     joints = (3 * JOINTS_OF.astype(int)[..., None] + np.arange(3)).reshape(len(SENSORS), 9)
@@ -192,27 +190,6 @@ def _sensor_to_segment_prior(
     )
     return calibration, SensorToSegmentPrior(
         covariance[chains[:, :, None], chains[:, None, :]], aligned[SENSORS]
-    )
-
-
-def _pose_sd(params: Params, calibration: Calibration) -> Array:
-    """Standard deviations (joints, 3) of the pose's angles, rad: as they were measured, else as a person takes the pose."""
-    sd = _measured_pose_sd(calibration)
-    return np.asarray(np.where(np.isnan(sd), np.radians(params.pose_sd), sd) * IS_DOF)
-
-
-def _measured_pose_sd(calibration: Calibration) -> Array:
-    """Standard deviations (joints, 3) of angles that were measured in the pose, rad; NaN elsewhere."""
-    return np.array([calibration.pose_sd.get(j.name, (np.nan,) * 3) for j in JOINTS])
-
-
-def _misalignment_sd(params: Params, calibration: Calibration) -> float:
-    """Standard deviation of a sensor's turn about each axis, rad: as the option says, or as those
-    about the two level axes that the pose has seen."""
-    seen = np.array([q.misalignment for q in calibration.quality.values()])
-    return max(
-        float(np.radians(params.misalignment)),
-        float(np.sqrt((seen**2).mean() / 2)) if len(seen) else 0.0,
     )
 
 

@@ -1,4 +1,4 @@
-"""Whether standard deviations are as large as the errors, in many worlds: of `ekf`, the default, and of `m2`, whose error bars are taken from a table."""
+"""Whether standard deviations are as large as the errors, in many worlds: of `ekf`, the default, and of `m2`, whose errors are carried on from its pose."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -158,5 +158,5 @@ def _setting() -> tuple[str, ...]:
         "(RMS) as they bend (Hess et al. 2013), or twice that.",
         "NEES: mean normalised error squared, 1 is as sure as it says, less too careful; the share of errors within 95 % intervals in per cent. Wanted: "
         f"NEES {CLAIMED[0]:g} to {CLAIMED[1]:g} where the model claims to cover a world, {UNCLAIMED[0]:g} to {UNCLAIMED[1]:g} elsewhere, coverage {COVERAGE[0]:g} to {COVERAGE[1]:g} %. "
-        "`m2` tells no standard deviations of its own: its error bars on the pages (estimators/measures/accuracy.py) are judged.",
+        "`m2` has no filter that tells standard deviations: its error bars on the pages (estimators/measures/fusion_errors.py, decision 0023) are judged.",
     )

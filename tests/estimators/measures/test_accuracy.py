@@ -5,7 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from handscope.estimators.data.calibration import Calibration, SensorQuality
+from handscope.estimators.data.calibration import (
+    Calibration,
+    CalibrationSource,
+    SensorQuality,
+)
 from handscope.estimators.data.trajectory import Flag
 from handscope.estimators.hand.anatomy import JOINT, JOINTS, SEGMENT
 from handscope.estimators.hand.geometry import sized
@@ -31,12 +35,12 @@ def _calibration(tilt: float) -> Calibration:
         {},
         {},
         {},
-        "initial pose",
+        CalibrationSource.OTHER_RECORDING,
         {"index_middle": SensorQuality(0.0, tilt, 0.0, 0.0)},
     )
 
 
-def test_a_default_is_the_methods_and_the_calibration_adds_its_tilt() -> None:
+def test_without_a_pose_a_default_is_the_methods_and_the_calibration_adds_its_tilt() -> None:
     moved, basis = with_sd(
         made(10), accuracy_of("m2", [_calibration(3 * DEG), _calibration(1 * DEG)])
     )
