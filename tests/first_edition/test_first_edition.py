@@ -13,6 +13,7 @@ from starlette.testclient import TestClient
 
 from handscope.estimators.finger_ekf import filter as finger_ekf_filter
 from handscope.estimators.finger_ekf import pose_inference
+from handscope.estimators.hand import length_covariance
 from tests.app.devices.virtual import virtual_glove
 from tests.first_edition import observed
 from tests.first_edition.observed import run
@@ -65,9 +66,10 @@ def test_a_recording_holds_the_same_samples_and_events(name: str) -> None:
     ],
 )
 def test_a_method_gives_the_derivative_that_was_kept(
-    method: str, options: tuple[str, ...], tmp_path: Path
+    method: str, options: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With the options of then: what ekf takes a pose to be missed by is another since (decision 0013), it infers the pose (0014), and the thumb learns the hand's bias from the fingers (0015)."""
+    """With the options and sizes of then: fingers derived from the palm count as less sure since (0023), what ekf takes a pose to be missed by is another since (decision 0013), it infers the pose (0014), and the thumb learns the hand's bias from the fingers (0015)."""
+    monkeypatch.setattr(length_covariance, "FROM_PALM_SD", 0.0)
     chosen = [word for option in ("gyr_reading=instant", *options) for word in ("--option", option)]
     run("process", FILES / "wiggle.zip", "--method", method, *chosen, "--out", tmp_path)
     columns, now = observed.read_table(tmp_path)
