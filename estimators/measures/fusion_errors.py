@@ -156,7 +156,8 @@ def _skin(angles: Array) -> Array:
     """Variance (n, segments) about each axis of what skin turns the child's sensor of a bent joint by."""
     size = np.radians(PARAMS.skin) / (np.pi / 2) / np.sqrt(3.0)
     found = np.zeros((len(angles), len(SEGMENTS)))
-    found[:, CHILDREN] = (size * angles[..., FLEXION]) ** 2 * np.where(_FIRST, 2.0, 1.0)
+    flexion = np.nan_to_num(angles[..., FLEXION])  # an unknown joint counts as straight
+    found[:, CHILDREN] = (size * flexion) ** 2 * np.where(_FIRST, 2.0, 1.0)
     return found
 
 

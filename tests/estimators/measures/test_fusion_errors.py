@@ -95,6 +95,19 @@ def test_what_was_measured_in_the_pose_is_more_certain(rng: np.random.Generator)
     assert measured < 0.75 * plain
 
 
+def test_what_is_known_without_a_sensor_on_the_forearm_has_its_error_bars(
+    rng: np.random.Generator,
+) -> None:
+    calibration, missed, q_BS = _posed(rng)
+    whole, _ = _moved(calibration, missed, q_BS, np.zeros((2, len(JOINTS), 3)))
+    moved = replace(whole, angles=whole.angles.copy(), q_GS=whole.q_GS.copy())
+    moved.angles[:, JOINT["wrist"]] = moved.q_GS[:, SEGMENTS.index("forearm")] = np.nan
+    fewer = {s: q for s, q in calibration.q_GS.items() if s != "forearm"}
+    angles_sd, tips_sd = fusion_errors.deviations(moved, replace(calibration, q_GS=fewer))
+    assert np.isfinite(tips_sd).all()
+    assert np.array_equal(np.isnan(angles_sd), np.isnan(moved.angles))
+
+
 @pytest.mark.parametrize(
     ("world", "experiment"),
     [
