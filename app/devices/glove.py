@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass
 from io import BufferedReader
 from itertools import groupby
@@ -52,9 +53,10 @@ class Glove:
         metadata: Mapping[str, Any],
         on_blocks: Callable[[list[Block]], object],
         stored: bool = False,
+        turn: Callable[[], AbstractContextManager[object]] = nullcontext,
     ) -> None:
-        """A recording that is `stored` lies in a data folder: sealed where there is a key (sessions/sealing)."""
-        self._stored = stored
+        """A recording that is `stored` lies in a data folder: sealed where there is a key (sessions/sealing). Bytes are decoded within a `turn`."""
+        self._stored, self._turn = stored, turn
         self.recording, self._port, self._metadata, self._on_blocks = (
             recording,
             port,
@@ -230,7 +232,8 @@ class Glove:
                 worn_on, self._worn_on = self._worn_on, None
                 self.assembler.exchange(worn_on)
                 self._begin()
-            blocks = self.assembler.feed_all(chunks, self._missed)
+            with self._turn():
+                blocks = self.assembler.feed_all(chunks, self._missed)
             if blocks:
                 self._on_blocks(blocks)
         except Exception as fault:

@@ -6,15 +6,19 @@ Limits  after the first step checks take at most `SHARE` of the tracker's proces
 """
 
 import logging
+import os
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from handscope.app.live.tracking import Tracking, measured
 from handscope.app.live.wizard.machine import State, StationStatus, Wizard, propose
+from handscope.app.workers.process import WorkerProcess, no_context
 from handscope.estimators.data.samples import GYR, Block
 from handscope.estimators.errors import InputError
 from handscope.estimators.fault_detection.check import check_recording
@@ -34,6 +38,7 @@ BUSIEST = (
 )
 SHARE = 0.05  # of the tracker's processor time
 USUAL_COST = 0.07  # s of processor time, of a check of 15 s of 16 sensors; until one was run
+LESS_URGENT = 10  # of a process's priority, as `nice` has it
 OWN = {State.POSE_REVIEW, State.TASK_REVIEW}
 
 
@@ -45,6 +50,7 @@ class SensorChecks:
     hand: Hand
     geometry: HandGeometry
     notify: Callable[[], None]
+    one_at_a_time: AbstractContextManager[object]  # with checks of other stations
     found: tuple[Suspicion, ...] = ()
     spent: float = 0.0  # s of processor time after the first step
     _moved: float = 0.0  # s in the first step
@@ -102,23 +108,24 @@ class SensorChecks:
         return ""
 
     def _run(self, first: bool, mounting: Mapping[str, Array], begun: int) -> None:
-        began = time.thread_time()
         try:
-            found = self.check(mounting, first)
+            with self.one_at_a_time:
+                found, self._cost = self.check(mounting, first)
         except InputError:
             found = []
         except Exception:  # a check that fails must not end a session that records
             log.exception("checks of the sensors")
             found = []
-        self._cost = time.thread_time() - began
         self.spent += 0.0 if first else self._cost
         if begun == self._begun:
             known = [] if first else [s for s in self.found if not _again(s, found)]
             self.found = (*known, *found)
             self.notify()
 
-    def check(self, mounting: Mapping[str, Array], first: bool = False) -> list[Suspicion]:
-        """What the newest samples show, questions about the person left out; after the first step the part in which sensors turn most."""
+    def check(
+        self, mounting: Mapping[str, Array], first: bool = False
+    ) -> tuple[list[Suspicion], float]:
+        """What the newest samples show, questions about the person left out, and what the check cost (s of processor time); after the first step the part in which sensors turn most."""
         newest = self.tracking.newest_sample()
         since = newest - LOOKED_AT if first else max(newest - LOOKED_AT, self._looked)
         blocks = [b for b in measured(self.tracking.samples(since)) if len(b.t)]
@@ -128,8 +135,22 @@ class SensorChecks:
         calibrations = (
             [] if calibration is None or not calibration.source.is_pose else [calibration]
         )
-        found = check_recording(blocks if first else busiest(blocks), declared, calibrations)
-        return [s for s in found if s.message.severity != "info"]
+        found, cost = find_beside(blocks if first else busiest(blocks), declared, calibrations)
+        return [s for s in found if s.message.severity != "info"], cost
+
+
+def find_beside(*given: Any) -> tuple[list[Suspicion], float]:
+    """What `check_recording` finds, and the processor time (s) of it, in a process of its own: here it would ask for the interpreter in the middle of every station's steps."""
+    with WorkerProcess(no_context) as process:
+        return process.do(_find, given)
+
+
+def _find(_: None, given: tuple[Any, ...]) -> tuple[list[Suspicion], float]:
+    """In the process, which comes after all others."""
+    if hasattr(os, "nice"):  # not on Windows
+        os.nice(LESS_URGENT)
+    began = time.process_time()
+    return check_recording(*given), time.process_time() - began
 
 
 def busiest(blocks: Sequence[Block], seconds: float = BUSIEST) -> list[Block]:

@@ -35,16 +35,11 @@ from handscope.app.live.tracking import Tracking
 from handscope.app.live.viewers import Viewers
 from handscope.app.live.wizard import effects as wizard_effects
 from handscope.app.live.wizard import machine as wizard_machine
-from handscope.app.live.wizard.machine import (
-    Action,
-    NotNowError,
-    State,
-    StationStatus,
-    Wizard,
-)
+from handscope.app.live.wizard.machine import Action, NotNowError, State, StationStatus, Wizard
 from handscope.app.results.quantity_curve import Curve
 from handscope.app.scene.camera.sides import Side
 from handscope.app.scene.scene_process import SceneProcess
+from handscope.app.workers.turns import Turns
 from handscope.estimators.alignment import quality as alignment_quality
 from handscope.estimators.alignment.initial_pose import Pose
 from handscope.estimators.alignment.quality import JointQuality
@@ -68,8 +63,10 @@ class Station:
 
     kind: Literal["live"] = "live"
 
-    def __init__(self, name: str, setup: Setup, on_finish: Callable[["Station"], None]) -> None:
-        self.name, self.setup = name, setup
+    def __init__(
+        self, name: str, setup: Setup, on_finish: Callable[["Station"], None], turns: Turns
+    ) -> None:
+        self.name, self.setup, self._share = name, setup, turns.share()
         self.scene = SceneProcess(setup.hand, setup.geometry)
         self.curve = Curve()
         self._attempts = 0
@@ -93,21 +90,22 @@ class Station:
         self._wiggled_at = -np.inf  # s, host's clock, newest request to a virtual patient
         self._status = worn_glove.UNKNOWN  # of the last tick
         self.tracking = Tracking(
-            setup.method,
-            setup.params,
-            setup.hand,
-            setup.geometry,
-            self._take_pose,
+            *(setup.method, setup.params, setup.hand, setup.geometry, self._take_pose),
             on_samples=self._take_samples,
+            share=self._share,
         )
         self._drawing = StationScene(
             self.scene, self.tracking, self._viewers, lambda: self.glove.assembler.mounting
         )
-        self.checks = SensorChecks(self.tracking, setup.hand, setup.geometry, self._viewers.notify)
+        self.checks = SensorChecks(
+            *(self.tracking, setup.hand, setup.geometry, self._viewers.notify, turns.background)
+        )
         self.hand_position = HandPositionReadout()
         self.trial = TrialReview(self.tracking, setup.geometry, setup.earlier)
         self.grasp = GraspEstimator(self.tracking)
-        self.glove = Glove(setup.port, setup.recording, setup.metadata, self._feed, stored=True)
+        self.glove = Glove(
+            *(setup.port, setup.recording, setup.metadata, self._feed), True, self._share.turn
+        )
         self.outlets = Outlets(
             open_outlets(
                 setup.outlets, setup.hand, str(setup.session), setup.method_name, self.glove.now
@@ -303,11 +301,12 @@ class Station:
     def _run(self) -> None:
         while not self._stop.wait(TICK):
             try:
-                with self._lock:
+                self.tracking.wait_until_free()
+                with self._lock, self._share.turn():
                     self._tick()
             except Exception:  # one bad tick must not end a session that records
                 log.exception("station %s", self.name)
-            self._viewers.notify()
+            self._viewers.notify_at_tick(self.latest)
 
     def _tick(self) -> None:
         self._status = status = worn_glove.read_status(self.glove, self.tracking, self.setup.hand)

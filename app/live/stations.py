@@ -17,6 +17,7 @@ from handscope.app.protocols import load_free, load_steps, offered
 from handscope.app.protocols.plans import Plan, applied, named
 from handscope.app.results.curves import matching_tasks
 from handscope.app.results.make import load_replay
+from handscope.app.workers.turns import Turns
 from handscope.estimators.alignment.functional_movements import FunctionalParams
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import Hand
@@ -45,6 +46,7 @@ class Stations:
         self._idle = threading.Condition(self._lock)
         self._closing = 0  # stations that are being closed now
         self._on_finish = on_finish
+        self._turns = Turns()
 
     def __enter__(self) -> "Stations":
         assert all(method.TITLE for method in METHODS.values())  # imported
@@ -61,7 +63,7 @@ class Stations:
         """A station for a glove; InputError where another one uses it."""
         with self._lock:
             self.require_free(setup.port)
-            station = Station(name, setup, lambda s: self.close(s.name))
+            station = Station(name, setup, lambda s: self.close(s.name), self._turns)
             station.__enter__()
             self._stations[station.name] = station
             return station

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from handscope.app.devices.strip_progress import StripProgress
 from handscope.app.live.readouts.hand_trail import HandTrail
 from handscope.app.live.readouts.motion import Motion, latest, motions
+from handscope.app.workers.turns import Share, Turns
 from handscope.estimators.alignment import (
     functional_calibration,
     functional_movements,
@@ -65,7 +66,6 @@ JOINED_BLOCKS = 16  # small blocks joined into one: the last second is read ten 
 ORIENTATION_WAIT = 0.1  # s in which the hand's orientation is searched
 GUESSED_FROM = 1.0  # s of samples that gravity is read from where nothing is calibrated
 MAX_FAILURES = 3  # failures in a row until the method starts again from the calibration
-LONGEST_REST = 0.03  # s between two feeds; a viewer under load may be 80 ms late
 PATIENCE = 0.1  # s of waiting for a silent strip
 
 
@@ -92,9 +92,11 @@ class Tracking:
         on_pose: Callable[[Trajectory], None],
         patience: float = PATIENCE,
         on_samples: Callable[[], None] = lambda: None,
+        share: Share | None = None,
     ) -> None:
-        """`on_pose` gets every new row; `on_samples` is called for samples without one: nothing is calibrated."""
+        """`on_pose` gets every new row; `on_samples` is called for samples without one: nothing is calibrated. `share`: with other stations of the process."""
         self._patience = patience
+        self._share = share or Turns().share()
         self.method, self.params, self.hand, self.geometry = method, params, hand, geometry
         self.skipped = 0  # blocks that the live view skipped; the recording has them
         self.rest = 0.0  # s for which the tracker takes no more blocks
@@ -135,6 +137,7 @@ class Tracking:
             self._stop = True
             self._wake.notify()
         self._thread.join(5.0)
+        self._share.leave()
 
     def feed(self, blocks: list[Block]) -> float:
         """Take blocks from the glove's thread; never waits. Returns for how long (s) it takes no more."""
@@ -405,16 +408,22 @@ class Tracking:
                 self._is_complete = False
             if not waited:
                 continue
-            began, computed = time.monotonic(), time.thread_time()
-            with self._lock:
-                newest = self._process(join_consecutive(waited))
-            if newest is not None:
-                self._call(partial(self._on_pose, newest))
-            elif self._state is None:
-                self._call(self._on_samples)
-            own = time.thread_time() - computed
-            self.spent += own
-            self.rest = rest_after(time.monotonic() - began, own)
+            self.wait_until_free()
+            with self._share.turn(first=True):
+                computed = time.thread_time()
+                with self._lock:
+                    newest = self._process(join_consecutive(waited))
+                if newest is not None:
+                    self._call(partial(self._on_pose, newest))
+                elif self._state is None:
+                    self._call(self._on_samples)
+                self.spent += time.thread_time() - computed
+            self.rest = self._share.rest()
+
+    def wait_until_free(self) -> None:
+        """Before a turn: whoever computes for long, such as a calibration, has none."""
+        with self._lock:
+            pass
 
     def _call(self, notice: Callable[[], None]) -> None:
         """Pass on what is new; a failure there must not stop the method."""
@@ -545,15 +554,6 @@ class Tracking:
 def measured(blocks: Sequence[Block]) -> list[Block]:
     """The blocks whose values a sensor read and nobody derived."""
     return [b for b in blocks if ORIENTATION not in b.stream.quantities]
-
-
-def rest_after(took: float, computed: float) -> float:
-    """For how long (s) to take no more blocks after a step of `took` s, of which `computed` s were its own.
-
-    The rest is as long as other threads had the processor: on a busy machine fewer and larger steps cost less.
-    The two clocks are read one after the other, so `computed` may exceed `took` a little.
-    """
-    return min(LONGEST_REST, max(0.0, took + (took - computed)))
 
 
 def segment_flags(

@@ -11,6 +11,7 @@ class Viewers:
         self._notices: list[Callable[[], object]] = []
         self._lock = threading.Lock()
         self.changes = 0  # counts notifications
+        self._newest: object = None  # pose at the tick before
 
     def __bool__(self) -> bool:
         return bool(self._notices)
@@ -31,3 +32,9 @@ class Viewers:
         self.changes += 1
         for notice in list(self._notices):
             notice()
+
+    def notify_at_tick(self, newest: object) -> None:
+        """At every tick, with the newest pose: where poses come, viewers get the tick's news with the next one; else now."""
+        before, self._newest = self._newest, newest
+        if newest is before:
+            self.notify()

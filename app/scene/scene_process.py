@@ -6,6 +6,7 @@ themselves.
 """
 
 import logging
+import os
 import threading
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -25,6 +26,7 @@ log = logging.getLogger(__name__)
 AHEAD = 2  # pictures sent and not yet drawn; so few fit into any pipe
 AGAIN = 0.5  # s before another process replaces one that died
 CLOSE_WAIT = 5.0  # s
+LESS_URGENT = 5  # of the process's priority, as `nice` has it: tracking comes first
 
 
 class SceneProcess:
@@ -162,6 +164,8 @@ class SceneProcess:
 def _draw(pipe: Connection, hand: Hand, geometry: HandGeometry) -> None:
     """In the process: draw requests until the pipe ends."""
     ignore_terminal_signals()
+    if hasattr(os, "nice"):  # not on Windows
+        os.nice(LESS_URGENT)
     with HandScene(hand, geometry) as scene, suppress(EOFError, OSError):
         pipe.send((scene.port, scene.secret))
         while True:

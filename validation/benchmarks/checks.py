@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import partial
 from itertools import pairwise
 
@@ -20,6 +21,7 @@ from handscope.validation.benchmarks.batch import MINUTE, recording_of
 from handscope.validation.benchmarks.costs import time_of_work
 
 TICK = 0.1  # s between two blocks of the live session
+REPEATED = 3  # times that a check is measured: the least counts
 
 
 def measure() -> list[Metric]:
@@ -57,7 +59,7 @@ def _live(recording: Simulated) -> tuple[float, float]:
     blocks = list(recording.blocks())
     end = max(float(b.t[-1]) for b in blocks)
     with Tracking(method, method.Params(), "left", recording.geometry, lambda _: None) as tracking:
-        checks = SensorChecks(tracking, "left", recording.geometry, lambda: None)
+        checks = SensorChecks(tracking, "left", recording.geometry, lambda: None, nullcontext())
         began = time.monotonic()
         for start, stop in pairwise(np.arange(0.0, end + TICK, TICK)):
             time.sleep(max(0.0, began + stop - time.monotonic()))
@@ -65,11 +67,11 @@ def _live(recording: Simulated) -> tuple[float, float]:
             if tracking.calibration is None and stop > pose.end + 1.0:
                 tracking.calibrate(pose)
         spent = tracking.spent
-        cost = time_of_work(lambda: _check_anew(checks, recording))
+        cost = min(_check_anew(checks, recording) for _ in range(REPEATED))
     return spent, cost
 
 
-def _check_anew(checks: SensorChecks, recording: Simulated) -> None:
-    """A check after a task of half a minute."""
+def _check_anew(checks: SensorChecks, recording: Simulated) -> float:
+    """Processor time (s) of a check after a task of half a minute."""
     checks.restart()
-    checks.check(recording.mounting)
+    return checks.check(recording.mounting)[1]

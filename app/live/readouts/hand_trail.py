@@ -23,6 +23,7 @@ from handscope.estimators.orientation.zupt_navigation import HandFilterParams, H
 log = logging.getLogger(__name__)
 PARAMS = HandFilterParams(update=0.1)  # twice as long as in a measurement: this path is only drawn
 REACH = 10.0  # s; older samples are skipped: within them a hand stands still once, and the path is accurate after that
+AT_ONCE = 1.0  # s of samples in one call: ten of them cost 30 ms, which every station waits for
 PAST = 3.0  # s of the path: between standstills it is accurate for no longer
 
 
@@ -32,6 +33,7 @@ class HandTrail:
     def __init__(self) -> None:
         self._state: zupt_navigation.State | None = None
         self._path: deque[HandPath] = deque()
+        self._is_behind = False  # samples are still to come that there are
 
     def begin(self, calibration: Calibration | None) -> None:
         """Drop the path and start from a pose."""
@@ -41,9 +43,10 @@ class HandTrail:
             else replace(zupt_navigation.start(PARAMS, calibration), t=calibration.t)
         )
         self._path.clear()
+        self._is_behind = False
 
     def follow(self, blocks: Sequence[Block], q_GH_at: Callable[[float], Array | None]) -> None:
-        """Go on through blocks (the hand's, in order) as far as they are new; `q_GH_at` gives the hand's orientation (4,) at an instant, where it is known."""
+        """Go on through blocks (the hand's, in order) as far as they are new, AT_ONCE in a call; `q_GH_at` gives the hand's orientation (4,) at an instant, where it is known."""
         if self._state is None or not blocks:
             return
         state, seen, newest = self._state, self._seen(self._state), float(blocks[-1].t[-1])
@@ -58,9 +61,11 @@ class HandTrail:
                 waiting=nothing,
                 waiting_t=nothing[:, 0],
             )
-        new = join([*takewhile(lambda b: b.t[-1] > seen, reversed(blocks))][::-1]).between(
+        later = join([*takewhile(lambda b: b.t[-1] > seen, reversed(blocks))][::-1]).between(
             np.nextafter(seen, np.inf), np.inf
         )
+        new = later.between(later.t[0], later.t[0] + AT_ONCE)
+        self._is_behind = len(new.t) < len(later.t)
         try:
             self._state, piece = zupt_navigation.step(PARAMS, state, new)
         except Exception:  # nothing else depends on it
@@ -75,7 +80,9 @@ class HandTrail:
                 self._path.popleft()
 
     def places(self, seconds: float) -> Array:
-        """Of the last seconds, seen from the newest; oldest first."""
+        """Of the last seconds, seen from the newest; oldest first. None while there are samples to go on through."""
+        if self._is_behind:
+            return np.empty((0, 3))
         pieces = [p for p in self._path if p.t[-1] >= self._path[-1].t[-1] - seconds]
         if not pieces:
             return np.empty((0, 3))

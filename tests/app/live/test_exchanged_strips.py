@@ -9,6 +9,7 @@ import pytest
 from handscope.app.live.station import Station
 from handscope.app.live.wizard.machine import State
 from handscope.app.protocols import load_all
+from handscope.app.workers.turns import Turns
 from handscope.estimators.data.samples import GYR
 from handscope.sessions.formats import recordings as formats_recordings
 from tests.app.devices.virtual import virtual_glove, wait_for
@@ -30,7 +31,7 @@ def test_two_strips_on_each_others_finger_are_found_exchanged_and_read_as_worn(
         "ring",
     ) as port:
         setup = replace(setup_of(tmp_path), port=str(port), protocols=tuple(load_all().values()))
-        with Station("test", setup, lambda _: None) as station:
+        with Station("test", setup, lambda _: None, Turns()) as station:
             wait_for(lambda: "check" in station.snapshot()["wizard"]["actions"])
             station.act("check")
             wait_for(lambda: station._wizard.state is State.CHECKED)

@@ -12,6 +12,7 @@ from handscope.app.cli import main
 from handscope.app.live.station import Station
 from handscope.app.live.wizard.machine import State
 from handscope.app.protocols import load_all
+from handscope.app.workers.turns import Turns
 from handscope.estimators.hand.anatomy import FINGERS
 from handscope.sessions.formats import recordings as formats_recordings
 from tests.app.devices.test_network_ports import glove_behind_tcp
@@ -30,7 +31,7 @@ def station_at(tmp_path: Path) -> Callable[[str], Station]:
 
     def made(port: str) -> Station:
         setup = replace(setup_of(tmp_path), port=port, protocols=protocols)
-        return Station("test", setup, lambda _: None)
+        return Station("test", setup, lambda _: None, Turns())
 
     return made
 

@@ -11,6 +11,7 @@ from handscope.app.live.station import Station
 from handscope.app.live.wizard.machine import State
 from handscope.app.protocols import load_all
 from handscope.app.results.quantity_curve import LENGTH
+from handscope.app.workers.turns import Turns
 from handscope.estimators.data import trajectory
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import FINGERS, JOINTS, SEGMENTS
@@ -45,7 +46,7 @@ def setup_of(folder: Path) -> Setup:
 def station(tmp_path: Path) -> Station:
     """A station whose glove was never opened, in its tasks."""
     setup = setup_of(tmp_path)
-    made = Station("test", setup, lambda _: None)
+    made = Station("test", setup, lambda _: None, Turns())
     made.curve.follow("aperture")
     return made
 

@@ -1,6 +1,8 @@
 """Checks while a session runs: when they begin, what they may cost, what they offer; and what is accepted of it."""
 
+import time
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -13,9 +15,11 @@ from handscope.app.live.live_corrections import LiveCorrections
 from handscope.app.live.sensor_checks import MOVED, SHARE, USUAL_COST, SensorChecks
 from handscope.app.live.wizard.machine import State, StationStatus, Wizard
 from handscope.estimators.data.samples import ACC, GYR, Block, Event, Stream
+from handscope.estimators.fault_detection.check import check_recording
 from handscope.estimators.fault_detection.finding import Message, Suspicion
 from handscope.estimators.hand.anatomy import CHAINS
 from handscope.estimators.hand.geometry import sized
+from tests.simulated import in_strips
 
 SIGN = Suspicion(
     Message("sensor.gyroscope_sign", {"sensor": "index_middle", "axis": "z"}, "fault"),
@@ -48,17 +52,19 @@ class Session:
             samples=lambda since: [], newest_sample=lambda: 40.0, calibration=None, spent=0.0
         )
         geometry = sized("left")
-        self.checks = SensorChecks(cast(Any, self.tracking), "left", geometry, self.notify)
+        self.checks = SensorChecks(
+            cast(Any, self.tracking), "left", geometry, self.notify, nullcontext()
+        )
         self.wizard, self.t = Wizard((), 3.0), 0.0
 
     def notify(self) -> None:
         self.told += 1
 
-    def check(self, blocks: Sequence[Block], *declared: Any) -> list[Suspicion]:
+    def check(self, blocks: Sequence[Block], *declared: Any) -> tuple[list[Suspicion], float]:
         self.looked.append({"blocks": blocks})
         if self.fails:
             raise ZeroDivisionError
-        return self.found
+        return self.found, 0.0
 
     def go_on(self, state: State, seconds: float, moving: bool = True) -> None:
         """Ticks of half a second, with the check that one begins done before the next."""
@@ -75,7 +81,7 @@ class Session:
 @pytest.fixture
 def session(monkeypatch: pytest.MonkeyPatch) -> Session:
     one = Session()
-    monkeypatch.setattr(sensor_checks, "check_recording", one.check)
+    monkeypatch.setattr(sensor_checks, "find_beside", one.check)
     return one
 
 
@@ -221,3 +227,12 @@ def test_samples_that_a_check_has_seen_are_not_looked_at_again(session: Session)
     session.go_on(State.TASK_REVIEW, 1)
     (again,) = session.looked[1]["blocks"]
     assert again.t[0] >= 40.0
+
+
+def test_a_check_computes_in_a_process_of_its_own_and_says_what_that_cost() -> None:
+    recording = in_strips("left")
+    blocks = [b.between(0.0, 5.0) for b in recording.samples.values()]
+    began = time.process_time()
+    found, cost = sensor_checks.find_beside(blocks, None, ())
+    assert [s.message.code for s in found] == [s.message.code for s in check_recording(blocks)]
+    assert cost > 0.0 and time.process_time() - began < cost + 0.2

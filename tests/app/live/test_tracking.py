@@ -1,5 +1,6 @@
 """The live tracker: the same numbers as in batch, never in the way of what feeds it, alive after a method fails."""
 
+import math
 from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
@@ -9,9 +10,10 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from handscope.app.live.readouts.hand_trail import AT_ONCE, REACH
 from handscope.app.live.readouts.hand_trail import PARAMS as LOOKS
-from handscope.app.live.readouts.hand_trail import REACH
-from handscope.app.live.tracking import LONGEST_REST, QUEUE, Tracking, rest_after
+from handscope.app.live.tracking import QUEUE, Tracking
+from handscope.app.workers.turns import Turns
 from handscope.estimators.alignment import initial_pose
 from handscope.estimators.alignment.functional_movements import STEPS
 from handscope.estimators.data import trajectory
@@ -110,7 +112,9 @@ def test_the_trail_is_the_path_of_the_last_seconds_however_late_somebody_asks_fo
         trail = watched.trail(1.0)
     late._process(list(recording.samples.values()))
     late.calibrate(pose)
-    asked_at_last = late.trail(1.0)
+    pieces = [late.trail(1.0) for _ in range(math.ceil(REACH / AT_ONCE) + 1)]
+    asked_at_last = pieces[-1]
+    assert len(pieces[1]) == 0  # a second of it at a time: other stations wait for it
     late.restore_previous()
     assert len(late.trail(1.0)) == 0
     assert (
@@ -425,13 +429,16 @@ def test_blocks_of_a_stream_that_was_described_anew_are_not_laid_together() -> N
     np.testing.assert_array_equal(np.concatenate([first.t, second.t]), before.between(0.0, 4.0).t)
 
 
-def test_a_tracker_that_waits_for_its_turn_is_fed_more_seldom_but_never_less_than_thirty_times_a_second() -> (
-    None
-):
-    assert rest_after(0.002, 0.002) == 0.002  # all of it was work: more is wanted at once
-    assert rest_after(0.006, 0.002) == pytest.approx(0.010)
-    assert rest_after(3.0, 0.1) == LONGEST_REST < 1 / 30
-    assert rest_after(1e-5, 3e-5) == 0.0  # nobody sleeps for less than no time
+def test_a_calibration_that_computes_for_long_holds_no_other_stations_turn() -> None:
+    turns, (tracking, _) = Turns(), live()
+    tracking._share = turns.share()
+    with tracking:
+        with tracking._lock:  # as a calibration does
+            tracking.feed(list(in_strips("left").samples.values()))
+            wait_for(lambda: not tracking._queue)
+            assert turns.take(first=False)  # at once
+            turns.pass_on()
+        wait_for(lambda: tracking.newest_sample() > 0)
 
 
 def test_a_device_that_fuses_itself_is_tracked_as_in_batch() -> None:

@@ -14,6 +14,7 @@ from handscope.app.live.stations import Stations
 from handscope.app.live.wizard import machine as wizard_machine
 from handscope.app.live.wizard.effects import Calibrate, KeepAttempt
 from handscope.app.live.wizard.machine import Action, State
+from handscope.app.workers.turns import Turns
 from handscope.estimators.alignment import initial_pose
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.held_contact import held_contacts
@@ -263,7 +264,7 @@ def test_a_calibration_that_is_taken_back_is_again_one_of_the_glove_before(
 def test_a_station_that_cannot_open_leaves_nothing_running(
     station: Station, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    another = Station("another", station.setup, lambda s: None)
+    another = Station("another", station.setup, lambda s: None, Turns())
 
     def fail(self: Glove) -> Glove:
         raise InputError("live.glove_in_use", port=another.setup.port)

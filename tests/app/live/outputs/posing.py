@@ -5,13 +5,14 @@ from pathlib import Path
 import numpy as np
 
 from handscope.app.live.station import Station
+from handscope.app.workers.turns import Turns
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.hand.anatomy import FINGERS, JOINT, JOINTS, SEGMENT, SEGMENTS
 from tests.app.live.test_live_numbers import setup_of
 
 
 def station(folder: Path) -> Station:
-    return Station("test", setup_of(folder), lambda _: None)
+    return Station("test", setup_of(folder), lambda _: None, Turns())
 
 
 def poses(t: float, flexion: float = 0.5) -> Trajectory:
