@@ -33,7 +33,7 @@ DEG = np.pi / 180
 ANGLE, ANGLE_UNPOSED = 1.84 * DEG, 6.99 * DEG  # m2 and b
 CMC = 3.2 * DEG
 TIP, TIP_UNPOSED = 7.0e-3, 20.7e-3  # m, the same
-OWN, CARRIED = phrase("measure.sd_of_method"), phrase("measure.sd_from_pose")
+OWN, FROM_POSE = phrase("measure.sd_of_method"), phrase("measure.sd_from_pose")
 UNSURE = np.uint8(Flag.UNCALIBRATED | Flag.HEADING_LOST)
 
 
@@ -45,7 +45,7 @@ class Accuracy:
     tip: float = TIP  # m
     source: str = phrase("measure.rms_of_method", method="m2")
     tilt: Mapping[str, float] = field(default_factory=dict)  # rad, by segment
-    # poses from which the method's errors are carried on; none: the table counts
+    # poses from which errors are propagated; none: the table counts
     poses: tuple[Calibration, ...] = ()
 
 
@@ -64,8 +64,8 @@ def accuracy_of(method: str, calibrations: Sequence[Calibration] = ()) -> Accura
         for c in calibrations
         for s in c.quality
     }
-    carried = method == "m2" and all(c.source.is_pose and "hand" in c.q_GS for c in calibrations)
-    poses = tuple(calibrations) if carried else ()
+    has_model = method == "m2" and all(c.source.is_pose and "hand" in c.q_GS for c in calibrations)
+    poses = tuple(calibrations) if has_model else ()
     return replace(METHODS.get(method, DEFAULT), tilt=tilt, poses=poses)
 
 
@@ -75,7 +75,7 @@ def with_sd(trajectory: Trajectory, accuracy: Accuracy) -> tuple[Trajectory, str
         widened = widen_faulty(trajectory.angles_sd, trajectory.flags)
         return replace(trajectory, angles_sd=widened), OWN
     if accuracy.poses and trajectory.angles_sd is None:
-        return _carried(trajectory, accuracy.poses), CARRIED
+        return _propagated(trajectory, accuracy.poses), FROM_POSE
     tilt = np.array([accuracy.tilt.get(s, 0.0) for s in SEGMENTS])
     unposed = ((trajectory.flags & Flag.UNCALIBRATED) != 0).any(axis=0)
     angles = np.array([_angle(accuracy, tilt, unposed, j) for j in JOINTS])
@@ -91,8 +91,8 @@ def with_sd(trajectory: Trajectory, accuracy: Accuracy) -> tuple[Trajectory, str
     ), accuracy.source
 
 
-def _carried(trajectory: Trajectory, poses: Sequence[Calibration]) -> Trajectory:
-    """With what each pose's errors have become, until the next pose; angles no wider than their joints' limits tell."""
+def _propagated(trajectory: Trajectory, poses: Sequence[Calibration]) -> Trajectory:
+    """With standard deviations propagated from each pose until the next; an angle's is at most its joint's range over sqrt(12)."""
     starts = [-np.inf, *(c.t for c in poses[1:])]
     pieces = [
         fusion_errors.deviations(trajectory.between(start, end), pose)

@@ -1,11 +1,11 @@
-"""How far angles and tips may be off that a fusion tells from one pose: each source of error carried from the pose to every instant.
+"""Standard deviations of angles and tips from a fusion after one pose: each source of error propagated from the pose to every sample.
 
 In      a trajectory of `m2`, whose headings come from the pose alone, and its calibration
 Out     standard deviations of joint angles (n, joints, 3) rad and of tips (n, 5, 3) m, at every sample
 Source  ours. A sensor that the pose fixed leaves the error e = r + (u - u_0) d of its segment's orientation: r is what the pose was missed by, d the sensor's turn about the vertical u_0, which gravity
-        does not show, u the vertical now, both in the segment's frame. Sizes are the options of `ekf` with their sources; how large misalignment and pose error are is averaged over by what
-        gravity in all sensors tells (finger_ekf/pose_inference.py)
-Limits  first order; nothing of the movement is used, so what skin, slips and joints that give do is not seen; a rest does not narrow the headings again
+        does not show, u the vertical now, both in the segment's frame. Sizes are the options of `ekf` with their sources; unknown sizes of misalignment and pose error are averaged
+        over, weighed by gravity in all sensors (finger_ekf/pose_inference.py)
+Limits  first order; the movement is not used, so sizes of skin, slips and joints that give are not inferred; a rest does not reduce the variance of headings
 """
 
 import math
@@ -50,6 +50,8 @@ _FIRST = np.isin(
 
 def deviations(moved: Trajectory, calibration: Calibration) -> tuple[Array, Array]:
     """Standard deviations of angles and tips of samples that this calibration serves."""
+    if not len(moved):
+        return np.empty_like(moved.angles), np.empty_like(moved.tips)
     steady = _steady(calibration)
     slot = np.floor(moved.t / EVERY + 1e-9)
     rows = np.flatnonzero(np.diff(slot, prepend=-np.inf) > 0)

@@ -123,6 +123,16 @@ def test_error_bars_of_m2_are_as_large_as_its_errors(world: str, experiment: str
         assert 0.3 < np.mean([f[f"m2, {column}"] for f in found]) < 2.0
 
 
+def test_a_pose_before_which_there_is_no_sample_changes_nothing(rng: np.random.Generator) -> None:
+    calibration, missed, q_BS = _posed(rng)
+    moved, _ = _moved(calibration, missed, q_BS, np.zeros((3, len(JOINTS), 3)))
+    again = replace(calibration, t=-1.0)
+    known, _ = with_sd(moved, accuracy_of("m2", [replace(calibration, t=-2.0), again]))
+    np.testing.assert_array_equal(
+        known.tips_sd, with_sd(moved, accuracy_of("m2", [again]))[0].tips_sd
+    )
+
+
 def test_error_bars_change_nothing_of_the_movement(rng: np.random.Generator) -> None:
     calibration, missed, q_BS = _posed(rng)
     moved, _ = _moved(calibration, missed, q_BS, np.zeros((40, len(JOINTS), 3)))
