@@ -1,4 +1,6 @@
 /** Elements without markup from text: h("p", { class: "hint", onclick }, "text", child, [more]). */
+import { isSame } from "./same.js";
+
 const SVG = "http://www.w3.org/2000/svg"; // a name, not an address
 const PROPERTIES = new Set(["value", "checked", "disabled", "selected", "hidden", "indeterminate"]);
 
@@ -29,14 +31,12 @@ export function s(tag, attributes = {}, ...children) {
 
 /** Draws again only when what `select` picks is another than before: what a person is about to press stays in place. */
 export function whenChanged(select, draw) {
-  let before;
+  let before = Symbol("nothing yet");
   return (value) => {
     const picked = select(value);
-    const now = JSON.stringify(picked);
-    if (now !== before) {
-      before = now;
-      draw(picked);
-    }
+    if (isSame(before, picked)) return;
+    before = picked;
+    draw(picked);
   };
 }
 

@@ -43,6 +43,7 @@ OPEN_FILES = (
     "/static/preferences.js",
     "/static/theme.js",
     "/static/dom.js",
+    "/static/same.js",
     "/static/forms.js",
     "/static/progress_bar.js",
     "/static/station/metronome_time.js",  # of the patient's screen, as those below

@@ -31,7 +31,7 @@ RADIUS, BAND = 0.030, 0.035  # m: of the arc, and of the band outside it
 BESIDE = 0.012  # m from the bone's axis to the finger's side, where skin hides nothing
 NUMBER = 1.45  # of the radius, where the number stands
 THICK, THIN, BROAD = 0.001, 0.0004, 0.0018  # m: half of a line's thickness
-AGAIN = 0.1  # s until the number is written again: faster nobody reads, and each costs a browser more than the hand's bones
+AGAIN = 0.2  # s until the number is written again, as the angles in the panel: each costs a browser more than the hand's bones
 APERTURE = "aperture"
 
 
@@ -56,12 +56,13 @@ class AngleArc:
     ) -> None:
         """`later` does something so many s later."""
         self._geometry, self._scale, self._later = geometry, scale, later
-        self._arc, self._ray_straight, self._ray_bent, self._band = (
+        self._arc, self._ray_straight, self._ray_bent, self._span, self._band = (
             DrawnLine(server, f"{name}/measured_{part}", points, scale * thick, colour)
             for part, points, thick, colour in (
                 ("arc", POINTS, THICK, palette.MEASURED),
                 ("ray_straight", 2, THIN, palette.MEASURED),
                 ("ray_bent", 2, THIN, palette.MEASURED),
+                ("span", 2, THICK, palette.MEASURED),
                 ("band", POINTS, BROAD, palette.TARGET),
             )
         )
@@ -75,6 +76,7 @@ class AngleArc:
         drawn = None if measured is None else _lines(measured, angles, self._geometry)
         rays = (None, None) if drawn is None or drawn.rays is None else drawn.rays
         self._place(self._arc, None if drawn is None else drawn.arc)
+        self._place(self._span, None if drawn is None else drawn.span)
         self._place(self._band, None if drawn is None else drawn.band)
         for line, ray in zip((self._ray_straight, self._ray_bent), rays):
             self._place(line, ray)
@@ -105,8 +107,9 @@ class AngleArc:
 class _Lines:
     """Points of lines, m in the hand's frame."""
 
-    arc: Array  # (POINTS, 3)
+    arc: Array | None  # (POINTS, 3)
     rays: Array | None  # (2 rays, 2 ends, 3)
+    span: Array | None  # (2 ends, 3): straight, so it needs no bones between
     band: Array | None  # (POINTS, 3)
     number_at: Array  # (3,)
     text: str
@@ -130,6 +133,7 @@ def _lines(measured: Measured, angles: Array, geometry: HandGeometry) -> _Lines 
     return _Lines(
         at(np.linspace(0.0, value, POINTS), RADIUS),
         np.array([[centre, straight], [centre, bent]]),
+        None,
         band,
         at(np.array([0.5 * value]), NUMBER * RADIUS)[0],
         f"{round(float(np.degrees(value)))}°".replace("-", "−"),
@@ -138,10 +142,12 @@ def _lines(measured: Measured, angles: Array, geometry: HandGeometry) -> _Lines 
 
 def _aperture(angles: Array, geometry: HandGeometry) -> _Lines:
     thumb, index = bones.tips(angles, geometry)[:2]
-    line = np.linspace(thumb, index, POINTS)
     dorsal = side_sign(geometry.hand) * np.array([1.0, 0.0, 0.0])
     size = float(np.linalg.norm(thumb - index))
-    return _Lines(line, None, None, 0.5 * (thumb + index) + 0.016 * dorsal, f"{1e3 * size:.0f} mm")
+    span = np.array([thumb, index])
+    return _Lines(
+        None, None, span, None, 0.5 * (thumb + index) + 0.016 * dorsal, f"{1e3 * size:.0f} mm"
+    )
 
 
 def _arc_of(

@@ -30,6 +30,7 @@ class DrawnLine:
         vertices, faces = _tube(at, radius)
         bone = np.clip(np.rint(vertices[:, 2] / SPACING), 0, points - 1)
         self._wxyz, self._at = np.tile(quat.IDENTITY, (points, 1)), at
+        self.points = points
         self._mesh = server.scene.add_mesh_skinned(
             name,
             vertices,

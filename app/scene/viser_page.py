@@ -43,11 +43,28 @@ html, body { margin: 0; height: 100%; background: radial-gradient(ellipse at 50%
       get: (nodes, name) => nodes[name] ?? undefined,
       set(nodes, name, node) {
         nodes[name] = node;
+        if (node && !Object.hasOwn(node, "add")) setBonesApart(node);
         if (name === "@KEY_LIGHT@") node?.children.filter(child => child.isDirectionalLight).forEach(castShadow);
         return true;
       },
     });
   } });
+  // three.js looks at every bone for the picture and again for the shadow, and places those of hidden meshes: here they have a parent that is
+  // never drawn itself, and is placed while the mesh is shown
+  const setBonesApart = node => {
+    const { add, remove } = node;
+    const bones = new node.constructor();
+    const { updateMatrixWorld } = bones;
+    bones.visible = false;
+    bones.updateMatrixWorld = force => node.visible && updateMatrixWorld.call(bones, force);
+    node.add = (...objects) => {
+      if (!objects[0]?.isBone) return add.apply(node, objects);
+      if (!bones.parent) add.call(node, bones);
+      bones.add(...objects);
+      return node;
+    };
+    node.remove = (...objects) => (objects[0]?.isBone ? (bones.remove(...objects), node) : remove.apply(node, objects));
+  };
   // viser draws the shadow of each mesh three times, on maps of near, middle and far; one map round the hand is sharper
   const castShadow = light => {
     const { shadow } = light;

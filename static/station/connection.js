@@ -1,4 +1,5 @@
 /** What a station tells, as it happens, and what a person wants of it. The connection is made again whenever it is lost. */
+import { sharing } from "../same.js";
 import { language } from "../words/languages.js";
 
 const FIRST = 300; // ms until the first new try
@@ -15,9 +16,10 @@ export function follow(name, api) {
   let wait = FIRST;
   let timer = 0;
 
+  /** What did not change stays the same object, so that the thirty parts of the page need not look into it. */
   function take(full) {
-    latest = full;
-    tell("full", full);
+    latest = sharing(latest, full);
+    tell("full", latest);
   }
 
   function open() {

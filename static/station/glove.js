@@ -76,7 +76,7 @@ export function mount(root, api, { station }) {
 /** Whether a glove says how full its battery is: without one, or on USB power, it does not. */
 export const isCharge = (battery) => battery !== null && battery !== UNKNOWN_BATTERY;
 
-const isFound = (glove, strip) => glove.measured.some((segment) => segment.split("_")[0] === strip);
+const isFound = (glove, strip) => glove.measured.some((segment) => segment === strip || segment.startsWith(`${strip}_`));
 
 /** Strips that this glove has or had in this session; a glove without the hand's cannot be used. */
 const worn = (glove) => STRIPS.filter((strip) => strip === "hand" || isFound(glove, strip) || glove.expected.includes(strip));
@@ -100,8 +100,9 @@ function forceWords(forces) {
 function row(glove, strip) {
   const stream = glove.strips.find((s) => s.name === strip);
   const words = t(`strip.${strip}`);
-  const absent = stream ? "glove.no_signal" : worn(glove).includes(strip) ? "glove.not_found" : "glove.none";
-  if (!isFound(glove, strip)) return [words, [t(absent), ""]];
+  if (!isFound(glove, strip)) {
+    return [words, [t(stream ? "glove.no_signal" : worn(glove).includes(strip) ? "glove.not_found" : "glove.none"), ""]];
+  }
   if (!stream) return [words, [t("glove.present"), ""]];
   return [words, [t("unit.per_second_of", { rate: Math.round(stream.rate) }), whole(stream.lost)]];
 }

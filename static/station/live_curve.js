@@ -21,7 +21,7 @@ export function mount(root, api, { station }) {
     label: t("curve.live"),
     lines: [{ colour: "--curve-1" }],
     words: (value) => valueWords(what, value),
-    xWords: () => "",
+    xWords: () => null, // no text is drawn, not an empty one
     window: (newest) => [newest - WINDOW, newest],
     axis: 120,
   });

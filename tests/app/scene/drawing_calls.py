@@ -2,6 +2,7 @@
 
 COUNTED = """
   let rendering = false;
+  let begun = 0;
   window.counted = { pictures: 0, rendered: 0, calls: 0, triangles: 0, drop: false };
   const each = { drawArrays: 2, drawArraysInstanced: 2, drawElements: 1, drawElementsInstanced: 1, drawRangeElements: 3 };
   for (const [name, at] of Object.entries(each)) {
@@ -13,10 +14,10 @@ COUNTED = """
         queueMicrotask(() => (rendering = false)); // when all that was to be drawn at once is drawn
       }
       counted.calls += 1;
+      begun ||= requestAnimationFrame(next); // a page that draws nothing has no pictures to count
       if (given[0] === this.TRIANGLES) counted.triangles += (given[at] / 3) * (name.endsWith("Instanced") ? given.at(-1) : 1);
       if (!counted.drop) draw.apply(this, given);
     };
   }
   const next = () => ((counted.pictures += 1), requestAnimationFrame(next));
-  requestAnimationFrame(next);
 """

@@ -48,6 +48,15 @@ def test_a_tapping_task_draws_the_line_between_the_tips_and_a_turn_of_the_forear
     assert _lines(Measured("palm_turn"), bent("index_pip", "flexion", 20), sized("left")) is None
 
 
+def test_the_line_between_the_tips_has_no_bones_but_at_its_ends(scene: HandScene) -> None:
+    scene.measure(Measured("aperture"))
+    scene.show(bent("index_pip", "flexion", 20), None)
+    assert scene._arc is not None and scene._arc._span.visible and not scene._arc._arc.visible
+    assert scene._arc._span.points == 2
+    scene.measure(None)
+    assert not scene._arc._span.visible
+
+
 def test_the_number_is_written_seldom_and_its_last_value_always(scene: HandScene) -> None:
     scene.measure(Measured("index_pip_flexion"))
     for degrees in range(20, 64):

@@ -193,6 +193,18 @@ def test_one_light_casts_one_shadow(page: Page) -> None:
     assert page.evaluate(casting) == [1024]
 
 
+def test_bones_move_the_skin_and_are_not_looked_at_for_the_picture(page: Page) -> None:
+    """three.js goes through everything visible twice for a picture: once for its shadow."""
+    looked_at = """() => {
+      const [all, seen] = [[], []];
+      __viserMutable.scene.traverse(one => one.isBone && all.push(one));
+      __viserMutable.scene.traverseVisible(one => one.isBone && seen.push(one));
+      return [all.length, seen.length];
+    }"""
+    placed, looked = page.evaluate(looked_at)
+    assert placed > 40 and looked == 0
+
+
 def test_one_page_opens_one_socket_to_us_and_nothing_else(
     page: Page, asked: Asked, served: Site
 ) -> None:
