@@ -325,6 +325,7 @@ class Station:
         with self.scene.picture():
             self._drawing.draw_wizard(self._wizard, status)
             self._draw_readouts()
+        self.curve.follow(self._drawing.measured or None)  # what is marked on the drawn hand
         if self._wizard.state is State.TASK_RUN:
             self.grasp.update(str(self._wizard.task), self._wizard.onset)
         self._publish(status)
@@ -343,8 +344,8 @@ class Station:
         self.hand_position.follow(a.plate, list(a.streams.values()), a.mounting)
         if (at := self.hand_position.latest) is not None:
             self.scene.place(at.place[0], at.sd[0], bool(at.flags[0]))
-        is_running = self._wizard.state is State.TASK_RUN
-        self.scene.forces(self.grasp.fingertip_forces(self._wizard.task if is_running else None))
+        task = self._wizard.task if self._wizard.state is State.TASK_RUN else None
+        self.scene.forces(self.grasp.fingertip_forces(task))
 
     def _take_pose(self, rows: Trajectory) -> None:
         """In the tracker's thread: store the newest pose, notify viewers, draw."""
@@ -365,14 +366,10 @@ class Station:
 
     def _carry_out(self, effects: Sequence[wizard_effects.Effect], status: StationStatus) -> None:
         w = self._wizard
-        if w.state in (
-            *wizard_machine.RUNNING,
-            State.TASK_PAUSED,
-            State.TASK_REVIEW,
-            State.STEP_REVIEW,
-        ):
-            is_running = w.state in wizard_machine.RUNNING
-            self.curve.attempt(w.onset, np.inf if is_running else w.end, w.pauses)
+        reviewed = (State.TASK_PAUSED, State.TASK_REVIEW, State.STEP_REVIEW)
+        if w.state in (*wizard_machine.RUNNING, *reviewed):
+            end = np.inf if w.state in wizard_machine.RUNNING else w.end
+            self.curve.attempt(w.onset, end, w.pauses)
         for effect in effects:
             self._carry_out_one(effect, status)
 

@@ -98,6 +98,16 @@ def test_the_numbers_stay_as_they_were_while_the_clinician_decides(station: Stat
     assert numbers(station) == at_once
 
 
+def test_the_curve_shows_what_is_marked_on_the_drawn_hand_before_the_task_begins(
+    station: Station,
+) -> None:
+    for task in ("rom_fist", "tapping", "rom_spread"):
+        station._wizard = replace(station._wizard, state=State.TASK_READY, task=task)
+        station._tick()
+        shown = station.snapshot()
+        assert shown["measured"] and shown["curve"]["what"] == shown["measured"], task
+
+
 def test_a_task_longer_than_the_curve_is_counted_whole(station: Station) -> None:
     enters(station, State.TASK_RUN, onset=2.0)
     moved(station, 2.0, 4.0, wide=100.0)
