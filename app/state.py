@@ -106,8 +106,9 @@ def language(
         str, Query(description="en, de, ...; without it the Accept-Language header decides")
     ] = "",
 ) -> Language:
-    """The language of the sentences in an answer."""
-    return languages.language(language) if language else preferred(connection)
+    """The language of the sentences in an answer, with times where the reader is."""
+    found = languages.language(language) if language else preferred(connection)
+    return found.read_in(connection.headers.get("time-zone", ""))
 
 
 def preferred(connection: HTTPConnection) -> Language:

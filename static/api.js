@@ -2,6 +2,9 @@
 import { language } from "./words/languages.js";
 import { t } from "./words/words.js";
 
+/** Sentences in an answer come in this language, with times by the clock that the page itself tells them by. */
+const READER = { "Accept-Language": language, "Time-Zone": Intl.DateTimeFormat().resolvedOptions().timeZone ?? "" };
+
 export class ApiError extends Error {
   constructor(sentence, status = 0, confirm = []) {
     super(sentence);
@@ -31,7 +34,7 @@ export function makeApi(stranger) {
   async function reach(path, options) {
     let response;
     try {
-      response = await fetch(path, { ...options, headers: { "Accept-Language": language, ...options.headers } });
+      response = await fetch(path, { ...options, headers: { ...READER, ...options.headers } });
     } catch {
       throw new ApiError(t("error.unreachable"));
     }
@@ -72,7 +75,7 @@ function upload(path, form, progress, signal) {
     const request = new XMLHttpRequest();
     request.open("POST", path);
     request.responseType = "json";
-    request.setRequestHeader("Accept-Language", language);
+    for (const [name, value] of Object.entries(READER)) request.setRequestHeader(name, value);
     request.upload.onprogress = (event) => event.lengthComputable && progress(event.loaded / event.total);
     request.onload = () => {
       const good = request.status < 300;

@@ -10,12 +10,13 @@ locale     numbers, dates and lists after the Unicode CLDR (Babel)
 import json
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from datetime import date, datetime
-from functools import cache
+from dataclasses import dataclass, replace
+from datetime import date, datetime, tzinfo
+from functools import cache, lru_cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from typing import Any
+from zoneinfo import ZoneInfo
 
 from babel import Locale, UnknownLocaleError, negotiate_locale
 from babel.dates import format_date, format_time
@@ -46,6 +47,9 @@ class Language:
     pages: Mapping[str, str]
     words: Mapping[str, str]
     messages: Mapping[str, Text]  # by code
+    zone: tzinfo | None = (
+        None  # where the reader is; None: not known, then it is where the server stands, and named
+    )
 
     def render(self, message: Message) -> str:
         """A message in this language; KeyError where its code has no text or a value is missing.
@@ -67,6 +71,10 @@ class Language:
     def known(self, key: str, otherwise: str) -> str:
         return self.words.get(key, otherwise)
 
+    def example(self, text: str) -> str:
+        """A text of the demonstration's simulated patients (app/example_patients); what a person wrote comes back as it is."""
+        return self.known(f"example.{text}", text)
+
     def counted(self, key: str, count: int) -> str:
         """ "1 session", "3 sessions": the words `key.one`, `key.few`, ... by the locale's plural rules; `key.other` where one is not there."""
         form = f"{key}.{self.locale.plural_form(count)}"
@@ -77,16 +85,28 @@ class Language:
         return str(format_decimal(round(value, decimals) + 0.0, form, self.locale))
 
     def day(self, moment: date) -> str:
-        """ "24 November 2026": of a moment, the day where the server stands."""
-        return format_date(_local(moment), "long", self.locale)
+        """ "24 November 2026": of a moment, the day where the reader is."""
+        return format_date(self._local(moment), "long", self.locale)
 
     def short_day(self, moment: datetime) -> str:
-        return format_date(_local(moment), "short", self.locale)
+        return format_date(self._local(moment), "short", self.locale)
 
     def hour(self, moment: datetime) -> str:
-        """ "10:12 CET": the hour where the server stands."""
-        local = _local(moment)
-        return f"{format_time(local.timetz(), 'HH:mm', locale=self.locale)} {local.tzname() or ''}".strip()
+        """ "10:12": the hour where the reader is; "10:12 CET": where the server stands, as in a document that anybody may read."""
+        local = self._local(moment)
+        zone = "" if self.zone else local.tzname() or ""
+        return f"{format_time(local.timetz(), 'HH:mm', locale=self.locale)} {zone}".strip()
+
+    def read_in(self, zone: str) -> "Language":
+        """The same for a reader in a time zone ("Europe/Berlin"); an unknown one changes nothing."""
+        found = _zone(zone) if zone else None
+        return replace(self, zone=found) if found else self
+
+    def _local(self, moment: date) -> Any:
+        """A moment on the clocks of the reader, else of the server (the system's zone, or TZ); a day, or a moment without a zone, as it is."""
+        if isinstance(moment, datetime) and moment.tzinfo:
+            return moment.astimezone(self.zone)
+        return moment
 
     def all_of(self, words: Sequence[str]) -> str:
         """ "a", "a and b", "a, b and c"."""
@@ -260,11 +280,13 @@ def _weigh(accepted: str) -> Iterable[tuple[float, str]]:
             continue
 
 
-def _local(moment: date) -> Any:
-    """A moment on the clocks where the server stands (the system's zone, or TZ); a day, or a moment without a zone, as it is."""
-    if isinstance(moment, datetime) and moment.tzinfo:
-        return moment.astimezone()
-    return moment
+@lru_cache(maxsize=600)
+def _zone(name: str) -> tzinfo | None:
+    """A time zone by its name in the IANA data; None where there is none, or none of them are on this machine."""
+    try:
+        return ZoneInfo(name)
+    except (KeyError, ValueError, OSError):
+        return None
 
 
 def _fill(text: str, values: Mapping[str, object]) -> str:

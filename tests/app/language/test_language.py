@@ -108,6 +108,10 @@ def test_numbers_and_days_have_the_locales_form() -> None:
     assert (ENGLISH.day(MOMENT), GERMAN.day(MOMENT)) == ("5 November 2026", "5. November 2026")
     assert (FRENCH.number(1234.567, 2), FRENCH.day(MOMENT)) == ("1\u202f234,57", "5 novembre 2026")
     assert GERMAN.hour(MOMENT) == "07:03 UTC"
+    assert GERMAN.read_in("Europe/Berlin").hour(MOMENT) == "08:03"
+    assert GERMAN.read_in("Pacific/Auckland").day(MOMENT.replace(hour=22)) == "6. November 2026"
+    for strange in ("", "../../etc/passwd", "Nowhere/Never", "A" * 4000):
+        assert GERMAN.read_in(strange).hour(MOMENT) == "07:03 UTC"
     assert GERMAN.all_of(["a", "b", "c"]) == "a, b und c"
 
 
