@@ -21,6 +21,7 @@ from handscope.app.auth.roles import (
     RequesterDep,
     requires_role,
 )
+from handscope.app.language import Language
 from handscope.app.results.result_view import calibration_payload
 from handscope.app.state import Db, LanguageDep, PartsDep
 from handscope.app.workers.patient_exporter import stream_patient_export
@@ -156,7 +157,7 @@ def read_patient(
             requester,
             {
                 **patient_row(patient),
-                "notes": [note_row(n) for n in patient.notes if n.removed is None],
+                "notes": [note_row(n, language) for n in patient.notes if n.removed is None],
                 "emergency_accesses": [
                     emergency_row(a) for a in patient.emergency_accesses if requester.sees_all
                 ],
@@ -218,21 +219,21 @@ def list_erasures(db: Db, requester: RequesterDep) -> list[dict[str, Any]]:
 
 
 @router.post("/patients/{patient_id}/notes", status_code=201, responses=answers(NoteRow, 201))
-def write_note(db: Db, patient_id: int, new: NewNote) -> Any:
+def write_note(db: Db, language: LanguageDep, patient_id: int, new: NewNote) -> Any:
     """Write a note about a patient."""
-    return note_row(notes.write(db, patients.get(db, patient_id), new.text))
+    return note_row(notes.write(db, patients.get(db, patient_id), new.text), language)
 
 
 @router.get("/notes/{note_id}", responses=answers(NoteRow))
-def read_note(db: Db, note_id: int) -> Any:
+def read_note(db: Db, language: LanguageDep, note_id: int) -> Any:
     """One note."""
-    return note_row(notes.get(db, note_id))
+    return note_row(notes.get(db, note_id), language)
 
 
 @router.patch("/notes/{note_id}", responses=answers(NoteRow))
-def change_note(db: Db, note_id: int, change: NoteChange) -> Any:
+def change_note(db: Db, language: LanguageDep, note_id: int, change: NoteChange) -> Any:
     """Correct a note, remove it or bring it back."""
-    return note_row(notes.change(db, note_id, **change.model_dump(exclude_unset=True)))
+    return note_row(notes.change(db, note_id, **change.model_dump(exclude_unset=True)), language)
 
 
 def patient_row(p: Patient) -> PatientRow:
@@ -253,11 +254,11 @@ def patient_row(p: Patient) -> PatientRow:
     }
 
 
-def note_row(n: Note) -> NoteRow:
-    """A note as the API shows it."""
+def note_row(n: Note, language: Language) -> NoteRow:
+    """A note as the API shows it, the demonstration's in the reader's language."""
     return {
         "id": n.id,
-        "text": n.text,
+        "text": language.example(n.text),
         "written": n.written,
         "removed": n.removed,
         "version": n.version,

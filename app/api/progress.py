@@ -38,7 +38,9 @@ def read_progress(
     history = progress(repeatability.history(db, patient_id), offered(parts.store.folder)[0])
     return {
         "affected": patient.affected_hand,
-        "treatment_events": [for_reader(requester, event_row(e)) for e in patient.treatment_events],
+        "treatment_events": [
+            for_reader(requester, event_row(e, language)) for e in patient.treatment_events
+        ],
         **(
             _progress_payload(history, goals.of_patient(patient), language)
             if history

@@ -14,6 +14,7 @@ from handscope.app.commands.words import say
 from handscope.estimators.errors import InputError
 
 GLOVES = ("left", "right")
+NOTE = "A simulated person with a virtual glove on either hand."
 EXAMPLES = "handscope.app.example_patients.sessions"  # a program that imports numerics
 FOLDER = "handscope-demo"  # in the user's home: nobody's real patients are there
 
@@ -65,7 +66,7 @@ def _add_patients(arguments: argparse.Namespace) -> None:
                 dominant_hand="right",
                 affected_hand="left",
                 year_of_birth=1960,
-                note="A simulated person with a virtual glove on either hand.",
+                note=NOTE,
             )
             is_new = True
     if is_new and not arguments.no_examples:

@@ -9,7 +9,8 @@ from pydantic import Field
 from handscope.app.api.answers import GoalRow, TreatmentEventRow, answers
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import CLINICIAN, requires_role
-from handscope.app.state import Db
+from handscope.app.language import Language
+from handscope.app.state import Db, LanguageDep
 from handscope.estimators.hand.anatomy import Hand
 from handscope.sessions.clinic import patients
 from handscope.sessions.db.tables import Goal, TreatmentEvent
@@ -46,10 +47,12 @@ class NewGoal(Incoming):
     status_code=201,
     responses=answers(TreatmentEventRow, 201),
 )
-def add_treatment_event(db: Db, patient_id: int, new: NewTreatmentEvent) -> Any:
+def add_treatment_event(
+    db: Db, language: LanguageDep, patient_id: int, new: NewTreatmentEvent
+) -> Any:
     """Note what was done to a hand."""
     patient = patients.get(db, patient_id)
-    return event_row(events.add(db, patient, new.kind, new.hand, new.day, new.comment))
+    return event_row(events.add(db, patient, new.kind, new.hand, new.day, new.comment), language)
 
 
 @router.delete("/treatment-events/{treatment_event_id}", status_code=204)
@@ -73,9 +76,15 @@ def remove_goal(db: Db, goal_id: int) -> None:
     goals.remove(db, goal_id)
 
 
-def event_row(e: TreatmentEvent) -> TreatmentEventRow:
-    """An event as the API shows it."""
-    return {"id": e.id, "kind": e.kind, "hand": e.hand, "day": e.day, "comment": e.comment}
+def event_row(e: TreatmentEvent, language: Language) -> TreatmentEventRow:
+    """An event as the API shows it, the demonstration's in the reader's language."""
+    return {
+        "id": e.id,
+        "kind": e.kind,
+        "hand": e.hand,
+        "day": e.day,
+        "comment": language.example(e.comment),
+    }
 
 
 def goal_row(g: Goal) -> GoalRow:

@@ -75,7 +75,7 @@ def progress_page(
                 say(f"treatment.{t.kind}"),
                 say(f"treatment.side.{t.hand}"),
                 language.day(t.day),
-                t.comment,
+                language.example(t.comment),
             ]
             for number, t in enumerate(patient.treatment, 1)
         ],

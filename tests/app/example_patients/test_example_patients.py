@@ -39,6 +39,14 @@ def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Store]:
     made.close()
 
 
+def test_what_is_told_of_them_is_read_in_every_language() -> None:
+    told = {text for s in STORIES for text in (s.note, *(t.comment for t in s.treated))}
+    for text in (*told, demo.NOTE):
+        words = {language.example(text) for language in languages().values()}
+        assert text in words and len(words) == len(languages()), text
+    assert languages()["de"].example("Own words of a clinician.") == "Own words of a clinician."
+
+
 def test_what_is_measured_follows_the_story(store: Store) -> None:
     sessions.add_sessions(store)
     with store.database() as db:
