@@ -13,7 +13,7 @@ export function labelWords(series) {
   if (!series.joint) return series.label;
   const turned = series.angle !== "flexion" || series.joint === "thumb_cmc";
   const way = turned ? directionWords(series.joint, series.angle, series.end === "largest") : t(`course.way.${series.end}`);
-  return t("course.figure", { ...jointWords(series.joint), way }).replace("  ", " ");
+  return t("course.figure", { ...jointWords(series.joint), way }).replace(/ +(?=[ ,])/g, "");
 }
 
 export function valueWords(series, value) {

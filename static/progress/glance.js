@@ -1,5 +1,6 @@
 /** The three figures that changed most, above everything else on the patient's page; a press leads to their course. */
 import { h, s } from "../dom.js";
+import { together } from "../words/joined.js";
 import { known, day, t } from "../words/words.js";
 import { changeWords, judged, labelWords, valueWords } from "./figure_words.js";
 
@@ -68,9 +69,9 @@ function tile(payload, series, chosen, titles, show) {
     { class: `glance-tile ${verdict}`, type: "button", onclick: show },
     h("span", { class: "soft small of" }, of),
     h("span", { class: "figure" }, labelWords(series)),
-    h("span", { class: "value" }, valueWords(series, value)),
+    h("span", { class: "value" }, together(valueWords(series, value))),
     line(points.map(([, number]) => number), payload.judges[judge].mdc95), // prettier-ignore
-    h("span", { class: "small judgement" }, t(`course.glance.${verdict}`, { change: changeWords(series, chosen), since })),
+    h("span", { class: "small judgement" }, together(t(`course.glance.${verdict}`, { change: changeWords(series, chosen), since }))),
   );
 }
 

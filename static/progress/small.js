@@ -1,6 +1,7 @@
 /** One figure over the sessions: its newest value large, what to make of it in words, and the small plot. */
 import { h } from "../dom.js";
 import { makePlot } from "../plots/plot.js";
+import { together } from "../words/joined.js";
 import { t } from "../words/words.js";
 import { dayNumber, dayOf, STEPS, tickDays } from "./days.js";
 import { changeWords, judged, labelWords, stepsOf, tickWords, valueWords } from "./figure_words.js";
@@ -26,8 +27,8 @@ export function drawSmall(root, payload, series, chosen, { aim, task }) {
       { class: `multiple ${verdict}` },
       h("h3", {}, labelWords(series)),
       task && h("p", { class: "soft small" }, task),
-      h("p", { class: "value" }, valueWords(series, value)),
-      h("p", { class: "judgement" }, t(`course.verdict.${verdict}`, { change: changeWords(series, chosen) })),
+      h("p", { class: "value" }, together(valueWords(series, value))),
+      h("p", { class: "judgement" }, together(t(`course.verdict.${verdict}`, { change: changeWords(series, chosen) }))),
       goal && h("p", { class: "small" }, goalWords(series, goal)),
       place,
       aims,

@@ -1,5 +1,6 @@
 /** The result at one glance: two to four figures a task with what they are compared with, and the joints that stay behind. */
 import { h } from "../dom.js";
+import { together } from "../words/joined.js";
 import { day, t } from "../words/words.js";
 import { handMap } from "./hand_map.js";
 import * as jointCurve from "./joint_curve.js";
@@ -36,9 +37,9 @@ function tile({ label, value, against, change, beyond, wanted, verdict }, since)
     "div",
     { class: `tile ${beyond ? "beyond" : ""}` },
     h("p", { class: "soft small" }, label, sense),
-    h("p", { class: "value" }, value),
-    against.map((words) => h("p", { class: "small" }, words)),
-    change && h("p", { class: "small judgement" }, t("headlines.since", { day: day(since), change }), " ", judged),
+    h("p", { class: "value" }, together(value)),
+    against.map((words) => h("p", { class: "small" }, together(words))),
+    change && h("p", { class: "small judgement" }, together(t("headlines.since", { day: day(since), change })), " ", judged),
   );
 }
 

@@ -16,12 +16,23 @@ SAY = """async () => {
 }"""
 
 
-def said(browser: Browser, language: str) -> dict[str, Any]:
+TOGETHER = """async (texts) => {
+  const { together } = await import("/static/words/joined.js");
+  return texts.map(together);
+}"""
+ONE_LINE = {
+    "en": ("3.14 per s", "Right hand: 62 mm wide, 9 of 10 done in 30 s"),
+    "de": ("3,14 pro s", "Rechte Hand: 62 mm weit, 9 von 10 in 30 s"),
+    "fr": ("3,14 par s", "Main droite : 62 mm, 9 sur 10 en 30 s"),
+}
+
+
+def said(browser: Browser, language: str, asked: str = SAY, given: Any = None) -> Any:
     context = browser.new_context(locale=language)
     page = context.new_page()
     page.route(f"{SITE}/**", serve)
     page.goto(SITE)
-    told: dict[str, Any] = page.evaluate(SAY)
+    told: Any = page.evaluate(asked, given)
     context.close()
     return told
 
@@ -35,3 +46,13 @@ def test_numbers_have_the_languages_decimal_mark_and_versions_keep_their_point(
     assert told["version"].endswith(" 1.0")
     assert told["number"].endswith(f" 1{mark}5")
     assert (told["decimal"], told["plain"]) == (f"1{mark}3", f"0{mark}5")
+
+
+@pytest.mark.parametrize("language", ONE_LINE)
+def test_a_number_and_its_unit_stay_on_one_line_and_other_words_may_wrap(
+    browser: Browser, language: str
+) -> None:
+    value, sentence = said(browser, language, TOGETHER, ONE_LINE[language])
+    assert " " not in value and value.replace("\xa0", " ") == ONE_LINE[language][0]
+    assert "62\xa0mm" in sentence and sentence.endswith("30\xa0s")
+    assert sentence.count("\xa0") == 2
