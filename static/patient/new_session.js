@@ -65,16 +65,11 @@ export function mount(root, api, { record, kept, go }) {
     suggest();
   }
 
-  /** The free glove whose description names the hand, else the first free one. */
+  /** The free glove of the hand, else one that may be of either. */
   function suggest() {
     const free = [...gloves.querySelectorAll("input:not(:disabled)")].filter((input) => input.value !== OTHER);
-    const fitting = free.find((input) =>
-      input
-        .closest("label")
-        .textContent.toLowerCase()
-        .includes(chosen("hand") ?? "?"),
-    );
-    const pick = fitting ?? free[0] ?? gloves.querySelector(`input[value="${OTHER}"]`);
+    const of = (hand) => free.find((input) => (known.find((glove) => glove.path === input.value)?.hand ?? null) === hand);
+    const pick = (chosen("hand") ? (of(chosen("hand")) ?? of(null)) : free[0]) ?? gloves.querySelector(`input[value="${OTHER}"]`);
     if (pick) pick.checked = true;
     toggle();
   }
