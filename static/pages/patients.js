@@ -106,7 +106,7 @@ function table(patients) {
       {},
       h("th", { scope: "row" }, h("a", { href: `/patients/${p.id}` }, p.pseudonym)),
       h("td", {}, p.sessions ? counted("sessions", p.sessions) : t("patients.none_yet")),
-      h("td", {}, p.last_session ? shortDayAndTime(p.last_session) : "–"),
+      h("td", { class: p.last_session ? "" : "none" }, p.last_session ? shortDayAndTime(p.last_session) : "–"),
       h("td", {}, p.affected_hand ? t(`hand.${p.affected_hand}`) : "–"),
     ),
   );

@@ -21,7 +21,7 @@ function section(payload, changes, folded) {
   const columns = ["ranges.joint", "ranges.flexion", "ranges.extension", "ranges.sideways", "ranges.signal"].map((word) =>
     h("th", { scope: "col" }, t(word)),
   );
-  const rows = h("table", { class: "ranges" }, h("thead", {}, h("tr", {}, columns)), groups(payload.rows).map(body));
+  const rows = h("table", { class: "ranges joint-ranges" }, h("thead", {}, h("tr", {}, columns)), groups(payload.rows).map(body));
   const table = h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": title }, rows);
   const compared = payload.rows.some((row) => Object.values(row.changes).some(Boolean));
   const captions = [h("p", { class: "hint" }, t("ranges.caption")), compared && changesCaption(changes, "range_of_motion")];
@@ -46,9 +46,10 @@ function line(row) {
     "tr",
     {},
     h("th", { scope: "row" }, `${row.group} ${row.joint}`.trim()),
-    ["flexion", "extension", "sideways"].map((cell) =>
-      h("td", { class: `number ${cell}` }, row[cell] || "–", row.changes[cell] && h("div", { class: "change" }, row.changes[cell])),
-    ),
+    ["flexion", "extension", "sideways"].map((cell) => {
+      const about = { class: `number ${cell} ${row[cell] ? "" : "none"}`, "data-column": t(`ranges.${cell}`) };
+      return h("td", about, row[cell] || "–", row.changes[cell] && h("div", { class: "change" }, row.changes[cell]));
+    }),
     h("td", {}, grade, row.grade !== "good" && row.reasons.length > 0 && h("div", { class: "hint" }, several(row.reasons))),
   );
 }
