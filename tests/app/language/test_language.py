@@ -222,7 +222,6 @@ def test_a_line_of_the_audit_trail_has_words_for_what_was_done_to_what() -> None
         "reason",
         "event",
         "recording_id",
-        "continues_id",
     }  # written with the row
     rows: tuple[type[Base], ...] = (Patient, Note, PatientSession, Correction, Account)
     fields = {
