@@ -32,19 +32,20 @@ NOISE = (
     "THREE.Clock",
     "GL Driver",
 )  # what a browser without a graphics card says of the scene
-PICTURE = 1000  # ms between two pictures of the scene once the hand stands in it
 SELDOM = """
   const draws = window.requestAnimationFrame, drops = window.cancelAnimationFrame;
-  const there = () => location.pathname.startsWith("/scene/") && window.__viserSceneTree?.getState()["/hand/palm"] !== undefined;
-  window.requestAnimationFrame = (draw) => (there() ? -setTimeout(() => draws(draw), PICTURE) : draws(draw));
+  const PAGE = 200, SCENE = 1000;  // ms between two pictures of a page, and of the scene once the hand stands in it
+  const pause = () => {
+    if (!location.pathname.startsWith("/scene/")) return PAGE;
+    return window.__viserSceneTree?.getState()["/hand/palm"] === undefined ? 0 : SCENE;
+  };
+  window.requestAnimationFrame = (draw) => (pause() ? -setTimeout(() => draws(draw), pause()) : draws(draw));
   window.cancelAnimationFrame = (drawing) => (drawing < 0 ? clearTimeout(-drawing) : drops(drawing));
-""".replace(
-    "PICTURE", str(PICTURE)
-)  # journeys ask what is in the scene; its looks are tests/app/scene's
+"""  # journeys ask what pages and scene hold; how the scene looks is tests/app/scene's
 
 
 def drawn_seldom() -> str:
-    """The script of a browser that draws the scene seldom, and not at all where nobody keeps pictures."""
+    """The script of a browser that draws seldom, and the scene not at all where nobody keeps pictures."""
     return SELDOM if shots() else SELDOM + UNDRAWN
 
 
