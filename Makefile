@@ -110,7 +110,7 @@ $(VENV)/installed: requirements.lock requirements-uv.lock pyproject.toml
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
 	@touch $@
 
-# A new version's kernels are translated here, by one process: several that meet at one may keep code that crashes
+# A new version's kernels are translated here, so that no session waits for them
 KERNELS := $(shell grep -rlE '^@(looped|rowwise|rowwise_bool|inlined)' --include='*.py' app estimators sessions validation)
 $(VENV)/runs: $(VENV)/installed $(KERNELS)
 	@echo "translating the estimators to machine code, once ..."

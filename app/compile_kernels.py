@@ -1,8 +1,8 @@
 """Compile all kernels to machine code once, in one process: python -m handscope.app.compile_kernels.
 
 Row kernels are compiled without being run, loops when they first run on a machine (numerics/jit.py): each of them runs
-here on some seconds of simulated movement. The code is cached; two processes that compile the same kernel at the
-same time can cache code that crashes.
+here on some seconds of simulated movement. The code is cached; where several processes do the same at once, each
+waits for the other (numerics/translation_lock.py).
 """
 
 from dataclasses import replace

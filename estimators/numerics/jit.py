@@ -29,6 +29,7 @@ with hidden("cffi", "yaml"):  # 0.09 s of every start; no kernel calls C, nothin
     import_module("numba.core.typing.cffi_utils")
 
     from handscope.estimators.numerics.linked_functions import LinkedFunction
+    from handscope.estimators.numerics.translation_lock import translating
 
 # what makes each row kernel of the modules that were imported
 _BUILDERS: list[Callable[[], Any]] = []
@@ -107,7 +108,8 @@ def _ufunc(kernel: Callable[..., None], layout: str, gives: Any) -> Any:
     types = [_typed(core, float64, float64) for core in _cores(taken)] + [
         _typed(core, gives, gives[:]) for core in _cores(given)
     ]
-    return guvectorize([tuple(types)], layout, nopython=True, cache=True)(kernel).ufunc
+    with translating():
+        return guvectorize([tuple(types)], layout, nopython=True, cache=True)(kernel).ufunc
 
 
 def _name_by_calls(kernel: Callable[..., Any]) -> None:
