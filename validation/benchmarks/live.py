@@ -56,7 +56,7 @@ def measure() -> list[Metric]:
             client.call("DELETE", f"/api/stations/{station}")
     return [
         Metric("sample to web socket, median", float(np.median(ages)), "ms", None, "lower"),
-        Metric("sample to web socket, p99", float(np.percentile(ages, 99)), "ms", 30.0, "lower"),
+        Metric("sample to web socket, p99", float(np.percentile(ages, 99)), "ms", 20.0, "lower"),
         Metric("sample to stream, median", float(np.median(streamed)), "ms", None, "lower"),
         Metric("sample to stream, p99", float(np.percentile(streamed, 99)), "ms", 30.0, "lower"),
         Metric("messages per viewer", len(ages) / VIEWERS / SECONDS, "per s", None, "higher"),
