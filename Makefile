@@ -11,7 +11,8 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: sbom pin-images docs firmware run test test-fast test-all check audit tests browser types format lock bench dist faults fuzz soak clean
 
-run: $(VENV)/runs
+# The server translates the estimators beside serving, where that is still to be done
+run: $(VENV)/installed
 	$(BIN)/handscope demo --port $(PORT) $(DEMO)
 
 # The estimators are translated while what needs no translation is checked: each keeps a core
@@ -110,7 +111,7 @@ $(VENV)/installed: requirements.lock requirements-uv.lock pyproject.toml
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
 	@touch $@
 
-# A new version's kernels are translated here, so that no session waits for them
+# A new version's kernels are translated here, once for all processes of the tests
 KERNELS := $(shell grep -rlE '^@(looped|rowwise|rowwise_bool|inlined)' --include='*.py' app estimators sessions validation)
 $(VENV)/runs: $(VENV)/installed $(KERNELS)
 	@echo "translating the estimators to machine code, once ..."

@@ -22,6 +22,7 @@ from handscope.app.options import parse
 from handscope.app.private_log import begin_logging
 from handscope.app.server import create_app
 from handscope.app.settings import Settings
+from handscope.app.workers import translation
 from handscope.app.workers.memory_pools import limit_memory_pools
 from handscope.estimators.errors import InputError
 from handscope.estimators.messages.system import describe
@@ -76,7 +77,8 @@ def serve(
     gc.collect()
     gc.freeze()  # what is loaded stays: going through all of it, as the collector does now and then, holds every thread up for 0.2 to 0.4 s
     server = _Server(config, announce)
-    server.run(sockets=[listener])
+    with translation.beside():
+        server.run(sockets=[listener])
     if server.interrupted:
         raise KeyboardInterrupt
 

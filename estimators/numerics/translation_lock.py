@@ -36,7 +36,7 @@ def translating() -> Iterator[None]:
     """Hold other threads and processes back from translating kernels."""
     with THREADS:
         try:
-            file = os.open(_folder() / FILE, os.O_RDWR | os.O_CREAT, 0o600)
+            file = os.open(kept_in() / FILE, os.O_RDWR | os.O_CREAT, 0o600)
         except OSError:  # numba cannot write there either: nothing is kept
             yield
             return
@@ -58,6 +58,6 @@ def _wait_for(file: int) -> None:
 
 
 @cache
-def _folder() -> Path:
+def kept_in() -> Path:
     """Where numba keeps kernels of this package's folder: beside it, or in the user's own cache where that is not writable."""
     return Path(FunctionCache(_wait_for).cache_path)
