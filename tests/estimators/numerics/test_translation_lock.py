@@ -58,15 +58,21 @@ kernel.sum_of([1.0, 2.0])
 def test_what_two_processes_keep_at_once_serves_a_third(tmp_path: Path) -> None:
     (tmp_path / "kernel.py").write_text(KERNEL)
     (tmp_path / "worker.py").write_text(WORKER)
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+    environment = os.environ | {
+        "NUMBA_CACHE_DIR": str(tmp_path / "kept"),
+        "PYTHONPATH": str(tmp_path),
+    }
 
     def started(*words: str) -> subprocess.Popen[str]:
         return subprocess.Popen(
-            [sys.executable, *words], cwd=tmp_path, env=environment, stdout=-1, stderr=-1, text=True
+            [sys.executable, *words], env=environment, stdout=-1, stderr=-1, text=True
         )
 
-    for worker in [started("worker.py", name, str(tmp_path)) for name in ("first", "second")]:
+    for worker in [
+        started(str(tmp_path / "worker.py"), name, str(tmp_path)) for name in ("first", "second")
+    ]:
         worker.communicate()
+        assert worker.returncode == 0
     third = started("-c", "import kernel; print(kernel.sum_of([1.0, 2.0]))")
     said, complained = third.communicate()
     assert (said, third.returncode) == ("3.0\n", 0), complained
