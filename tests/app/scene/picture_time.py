@@ -1,6 +1,7 @@
 """What a tablet's browser does for each picture of the 3-D scene: processor time of the page's main thread, calls that draw, triangles.
 
-Chromium opens a station whose hand moves. A tablet is taken to be four times slower. The graphics processor's work is left out: a machine
+Chromium opens a station whose hand moves. A tablet is taken to be four times slower (Chrome DevTools' mid-tier mobile has a Lighthouse BenchmarkIndex
+of 1000; strings and copies counted so give 4200 here). The graphics processor's work is left out: a machine
 without one draws in software, in a process of its own, at a speed that says nothing of any tablet. The calls that draw are
 dropped, and once passed on. Measured on Chromium's main thread, in processor time, so that other programs of the machine do not count: each
 picture's own time is that of the thread's tasks from one picture to the next, as Chromium's trace has them. It is given as it is, and four
