@@ -5,8 +5,6 @@ here on some seconds of simulated movement. The code is cached; where several pr
 waits for the other (numerics/translation_lock.py).
 """
 
-import os
-import signal
 import sys
 from dataclasses import replace
 from importlib import import_module
@@ -16,6 +14,7 @@ import numpy as np
 
 from handscope import estimators
 from handscope.app.workers import translation
+from handscope.app.workers.process import ignore_terminal_signals, stand_back
 from handscope.estimators import methods
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.magnet.model import setup as magnet_setup
@@ -33,7 +32,7 @@ from handscope.estimators.simulation.scenario import Simulated, simulate
 from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.sessions.wire import stuffing
 
-BEHIND = 10  # of 19 that a process can stand back for others
+BEHIND = 10  # of a process's priority
 
 
 def compile_all() -> None:
@@ -81,8 +80,7 @@ def _simulate_magnet() -> tuple[Setup, Readings]:
 
 if __name__ == "__main__":
     if sys.argv[1:] == ["--behind"]:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the server's, which ends this one
-        if hasattr(os, "nice"):
-            os.nice(BEHIND)
+        ignore_terminal_signals()
+        stand_back(BEHIND)
     compile_all()
     translation.note_kept()

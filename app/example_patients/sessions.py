@@ -4,7 +4,6 @@ What is made lies in the folder like anything measured: recordings, results, rep
 """
 
 import argparse
-import os
 import tempfile
 from collections.abc import Iterator
 from datetime import timedelta
@@ -18,6 +17,7 @@ from handscope.app.example_patients.recordings import write
 from handscope.app.example_patients.stories import STORIES, Ability, Story, between
 from handscope.app.results.make import make
 from handscope.app.version import software_version
+from handscope.app.workers.process import stand_back
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.methods import DEFAULT
 from handscope.sessions.clinic import results
@@ -85,8 +85,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--database")
     arguments = parser.parse_args()
-    if hasattr(os, "nice"):
-        os.nice(NICE)
+    stand_back(NICE)
     add_sessions(store_at(arguments.folder, arguments.database))
 
 

@@ -6,7 +6,6 @@ Limits  after the first step checks take at most `SHARE` of the tracker's proces
 """
 
 import logging
-import os
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -18,7 +17,7 @@ import numpy as np
 
 from handscope.app.live.tracking import Tracking, measured
 from handscope.app.live.wizard.machine import State, StationStatus, Wizard, propose
-from handscope.app.workers.process import WorkerProcess, no_context
+from handscope.app.workers.process import WorkerProcess, no_context, stand_back
 from handscope.estimators.data.samples import GYR, Block
 from handscope.estimators.errors import InputError
 from handscope.estimators.fault_detection.check import check_recording
@@ -38,7 +37,7 @@ BUSIEST = (
 )
 SHARE = 0.05  # of the tracker's processor time
 USUAL_COST = 0.07  # s of processor time, of a check of 15 s of 16 sensors; until one was run
-LESS_URGENT = 10  # of a process's priority, as `nice` has it
+LESS_URGENT = 10  # of a process's priority
 OWN = {State.POSE_REVIEW, State.TASK_REVIEW}
 
 
@@ -147,8 +146,7 @@ def find_beside(*given: Any) -> tuple[list[Suspicion], float]:
 
 def _find(_: None, given: tuple[Any, ...]) -> tuple[list[Suspicion], float]:
     """In the process, which comes after all others."""
-    if hasattr(os, "nice"):  # not on Windows
-        os.nice(LESS_URGENT)
+    stand_back(LESS_URGENT)
     began = time.process_time()
     return check_recording(*given), time.process_time() - began
 

@@ -6,7 +6,6 @@ themselves.
 """
 
 import logging
-import os
 import threading
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -17,7 +16,7 @@ from typing import Any
 from handscope.app.scene.angle_arc import Measured
 from handscope.app.scene.camera.sides import Side
 from handscope.app.scene.hand_scene import HandScene
-from handscope.app.workers.process import CONTEXT, ignore_terminal_signals
+from handscope.app.workers.process import CONTEXT, ignore_terminal_signals, stand_back
 from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.typing import Array
@@ -26,7 +25,7 @@ log = logging.getLogger(__name__)
 AHEAD = 2  # pictures sent and not yet drawn; so few fit into any pipe
 AGAIN = 0.5  # s before another process replaces one that died
 CLOSE_WAIT = 5.0  # s
-LESS_URGENT = 5  # of the process's priority, as `nice` has it: tracking comes first
+LESS_URGENT = 5  # of the process's priority: tracking comes first
 
 
 class SceneProcess:
@@ -164,8 +163,7 @@ class SceneProcess:
 def _draw(pipe: Connection, hand: Hand, geometry: HandGeometry) -> None:
     """In the process: draw requests until the pipe ends."""
     ignore_terminal_signals()
-    if hasattr(os, "nice"):  # not on Windows
-        os.nice(LESS_URGENT)
+    stand_back(LESS_URGENT)
     with HandScene(hand, geometry) as scene, suppress(EOFError, OSError):
         pipe.send((scene.port, scene.secret))
         while True:

@@ -136,6 +136,12 @@ def restore_terminal_signals() -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
+def stand_back(by: int) -> None:
+    """Leave the processor to others first: by so much of a process's priority, as `nice` has it (19 at most); not on Windows."""
+    if hasattr(os, "nice"):
+        os.nice(by)
+
+
 def no_context() -> None:
     """For a process whose calls need nothing but their arguments."""
 
