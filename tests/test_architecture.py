@@ -17,8 +17,8 @@ ROOMS = (
 )  # each may import those behind it
 NUMERICS = {"numba", "numpy", "scipy", "filterpy", "vqf"}
 MACHINE = {
-    "optional_imports": {"sys"},
-    "translation_lock": {"importlib", "os", "pathlib", "pathlib.Path", "threading"},
+    "optional_imports": {"importlib", "sys"},
+    "translation_lock": {"os", "pathlib", "pathlib.Path", "threading"},
 }  # of the estimators' numerics, what looks after numba
 IMPURE = {
     *("time", "datetime", "calendar", "sched"),  # a clock

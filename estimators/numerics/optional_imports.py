@@ -1,5 +1,6 @@
-"""Packages that another one imports where they are installed, hidden while it is imported."""
+"""Modules that are not everywhere: packages that another one imports where they are installed, and those of one operating system."""
 
+import importlib
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,3 +19,11 @@ def hidden(*names: str) -> Iterator[None]:
     finally:
         for name in absent:
             modules.pop(name, None)
+
+
+def system_module(name: str) -> Any:
+    """A module of this operating system; None where it is not of this one."""
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        return None

@@ -5,30 +5,20 @@ Where two of them translate the same kernel at once, each may write one of the f
 now and whenever the kernel is loaded.
 """
 
-import importlib
 import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 from numba.core.caching import FunctionCache
 
+from handscope.estimators.numerics.optional_imports import system_module
+
 THREADS = threading.Lock()
 FILE = "translation.lock"
-
-
-def _system_module(name: str) -> Any:
-    """A module of this operating system; None where it is not of this one."""
-    try:
-        return importlib.import_module(name)
-    except ImportError:
-        return None
-
-
-fcntl, msvcrt = _system_module("fcntl"), _system_module("msvcrt")
+fcntl, msvcrt = system_module("fcntl"), system_module("msvcrt")
 
 
 @contextmanager

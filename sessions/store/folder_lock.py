@@ -5,13 +5,11 @@ On PostgreSQL an advisory lock of a connection that stays open, under a name tha
 """
 
 import contextlib
-import importlib
 import os
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from sqlalchemy import Connection, create_engine, make_url, text
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
@@ -20,6 +18,7 @@ from sqlalchemy.pool import NullPool
 from handscope.estimators.errors import InputError
 from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.messages.system import describe
+from handscope.estimators.numerics.optional_imports import system_module
 from handscope.sessions.store.database import (
     answer_of,
     connect_arguments,
@@ -28,16 +27,7 @@ from handscope.sessions.store.database import (
 )
 from handscope.sessions.store.shared_servers import MARK, find_identity
 
-
-def _system_module(name: str) -> Any:
-    """A module of this operating system; None where it is not of this one."""
-    try:
-        return importlib.import_module(name)
-    except ImportError:
-        return None
-
-
-fcntl, msvcrt = _system_module("fcntl"), _system_module("msvcrt")
+fcntl, msvcrt = system_module("fcntl"), system_module("msvcrt")
 FILE = "lock"
 BEYOND = 1 << 20  # where Windows locks: the holder's name before it stays readable
 LOCK = 0x73657276  # of PostgreSQL's advisory locks; any number that nobody else uses

@@ -17,15 +17,18 @@ from tests.app.commands.test_demo import WAIT, words
 
 VERBS = ("glove", "record", "doctor", "simulate", "process", "assess", "info", "serve", "export")
 HIDDEN = """
-import builtins, os
-real = builtins.__import__
+import builtins, importlib, os
+absent = {"fcntl", "pty", "pwd", "resource", "termios", "tty"}
+real, by_name = builtins.__import__, importlib.import_module
 def hiding(name, globals=None, *rest, **more):
-    if name in {"fcntl", "pty", "pwd", "resource", "termios", "tty"} and (globals or {}).get(
-        "__name__", ""
-    ).startswith("handscope"):
+    if name in absent and (globals or {}).get("__name__", "").startswith("handscope"):
         raise ImportError(f"{name} is hidden")
     return real(name, globals, *rest, **more)
-builtins.__import__ = hiding
+def hiding_by_name(name, package=None):
+    if name in absent:
+        raise ImportError(f"{name} is hidden")
+    return by_name(name, package)
+builtins.__import__, importlib.import_module = hiding, hiding_by_name
 del os.openpty
 """  # in every Python that the demonstration starts
 
