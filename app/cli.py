@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import Any, NoReturn
 
 from handscope.app.version import software_version
+from handscope.app.workers.garbage import GARBAGE
 from handscope.estimators.errors import InputError
 
 VERBS = {
@@ -48,11 +49,6 @@ VERBS = {
 MODULES = {"import": "import_table"}  # where a verb is no name for a module
 CLOSED_PIPE = 141  # as a shell has it for SIGPIPE
 EVIDENCE = {"bench", "reproduce"}  # verbs of handscope.validation
-GARBAGE = (
-    20_000,
-    20,
-    20,
-)  # the collector's thresholds: with Python's own a seventh of the time that imports take is its
 
 
 class Parser(argparse.ArgumentParser):

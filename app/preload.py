@@ -13,7 +13,7 @@ def _ready() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as in every worker; threads are not forked
-    from handscope.app.cli import GARBAGE
+    from handscope.app.workers.garbage import GARBAGE
 
     gc.set_threshold(*GARBAGE)  # as in every command
     from handscope.app.replay_file import stored

@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, Phase, settings
 from playwright.sync_api import Browser, sync_playwright
 from xdist.remote import Producer
 
-from handscope.app.cli import GARBAGE
+from handscope.app.workers.garbage import GARBAGE
 from handscope.app.workers.process import CONTEXT
 from handscope.estimators.simulation.scenario import Simulated
 from tests import schedule
