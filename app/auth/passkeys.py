@@ -20,7 +20,6 @@ from handscope.sessions.db.tables import Account, SecondFactor
 
 REFUSED = phrase("login.passkey_refused")
 NO_NAME = phrase("login.passkeys_need_name")
-FIRST_USE = 0
 
 
 @dataclass(frozen=True)

@@ -51,11 +51,6 @@ def norm_of(
     )
 
 
-def change_of(what: str, edition: Edition | None = None) -> PublishedChange | None:
-    """The published smallest change of a figure; None where there is none."""
-    return published_changes(edition).get(what)
-
-
 def change_of_name(name: str, edition: Edition | None = None) -> PublishedChange | None:
     """The same by a figure's whole name, its part included: "index_tam"."""
     return next(

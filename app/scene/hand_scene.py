@@ -38,7 +38,6 @@ from handscope.estimators.numerics.typing import Array
 
 _LIT = "lit_"
 _BENT_WRIST = np.radians(2.0)
-_CAPTION_AT = (0.0, 1.85, 0.55)  # above and beyond the hand
 
 
 class HandScene:
@@ -88,14 +87,6 @@ class HandScene:
                 thickness=5.0,
                 thickness_units="screen",
                 visible=False,
-            )
-            self._caption = self._server.scene.add_label(
-                "/caption",
-                "",
-                position=_CAPTION_AT,
-                visible=False,
-                font_screen_scale=1.7,
-                anchor="bottom-center",
             )
             self._beside = None if beside is None else SecondHand(self._server, beside)
             if beside is not None:
@@ -266,13 +257,6 @@ class HandScene:
             for part in self._own.parts():
                 if part.startswith(_LIT):
                     self._own.show(part, part in shown)
-
-    def caption(self, text: str) -> None:
-        """Write a short instruction above the hand; an empty text takes it away."""
-        with self._lock, self._server.atomic():
-            self._caption.visible = bool(text)
-            if text and text != self._caption.text:
-                self._caption.text = text
 
     @property
     def viewers(self) -> int:

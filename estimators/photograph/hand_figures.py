@@ -37,7 +37,6 @@ HEIGHT = {
 }
 HEIGHT_SD = 0.10  # share of itself: of a person's hand as a whole, and of each joint again
 STEP = 1e-4  # of the numerical derivative: m, rad or shares
-ANGLE_JOINTS = ("wrist", *(root_joint(f) for f in FINGERS))
 HAND_LENGTH = (0.10, 0.26)  # m, plausible on a sheet
 MARK_WEIGHTS = {f: np.ones(4) for f in FINGERS} | {"thumb": np.array([1 / HIDDEN**2, 1, 1, 1])}
 

@@ -51,13 +51,6 @@ def place_by_turn(skin: SensorDisplacement, place: Array) -> Array:
     return np.asarray(skin.back @ quat.skew(place - skin.slide) @ right_jacobian(-skin.turn))
 
 
-def place_by_flexion(skin: SensorDisplacement, turn: Array, slide: Array, place: Array) -> Array:
-    """The derivative (..., 3) of `place_in_sensor` by how far the only joint is bent that turns the sensor by `turn` (3,) rad/rad and slides it by `slide` (3,) m/rad."""
-    return -np.asarray(
-        np.einsum("...ij,...j->...i", skin.back, quat.cross(turn, place - skin.slide) + slide)
-    )
-
-
 def right_jacobian(v: Array) -> Array:
     """exp(v + dv) = exp(v) exp(right_jacobian(v) dv), rotation vectors (..., 3) -> (..., 3, 3). Source: Sola et al. 2018, (143)."""
     size = np.linalg.norm(v, axis=-1)[..., None, None]

@@ -127,35 +127,6 @@ def refresh(db: Session, changed: Iterable[int]) -> None:
     _store(db, [o for o in everything if o.device in devices], of_patients=False)
 
 
-def compare_with_previous(db: Session, result: Result) -> Comparison | None:
-    """What a result's figures are compared with; None where the patient has no session before that was processed in the same way."""
-    mine = occasion_of(result)
-    earlier = [
-        o
-        for o in _occasions(db, mine.patient)
-        if o.processing == mine.processing
-        and o.started < mine.started
-        and o.checksum != mine.checksum
-    ]
-    if result.state != "done" or not earlier:
-        return None
-    last = max(earlier, key=lambda o: o.started)
-    figures = _figures(db, [last.result])
-    own = db.scalars(select(Repeatability).where(Repeatability.patient_id == mine.patient))
-    glove = db.scalars(
-        select(Repeatability).where(
-            Repeatability.patient_id.is_(None), Repeatability.device == mine.device
-        )
-    )
-    return Comparison(
-        last.started,
-        values(result.figures),
-        figures[last.result],
-        _select_rows(own, mine),
-        _select_rows(glove, mine),
-    )
-
-
 def history(db: Session, patient: int) -> list[ProcessedSession]:
     """A patient's sessions in order of time, with every way in which each was processed, and what repeated measurement gives them."""
     occasions = _occasions(db, patient)

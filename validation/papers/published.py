@@ -50,7 +50,6 @@ KORTIER_REPEATABILITY: Mapping[str, Mapping[str, float]] = {
     "flat hand": {"range": 1.1, "SD": 0.4},
     "clenched mould": {"range": 1.8, "SD": 0.6},
 }
-KORTIER_PIP_RANGE = 80.0  # deg of PIP flexion at 116 movements a minute (2.3.3)
 # Kortier, thesis ch. 3: medians of three subjects; dRMS in deg and mm, the gyroscopes' in % of maximum
 KORTIER_TASKS: Mapping[str, float] = {
     "ab/adduction (14)": 3.3,

@@ -172,11 +172,6 @@ def read_recording(s: Setting, blocks: Sequence[Block]) -> Readings:
     return readings
 
 
-def join_places(pieces: Sequence[Places]) -> Places:
-    """Consecutive pieces as one."""
-    return Places(*(np.concatenate([getattr(p, name) for p in pieces]) for name in ROWS))
-
-
 def newest_row(places: Places) -> Places:
     """The last row, with the last known signal."""
     signals = places.signal[np.isfinite(places.signal)]

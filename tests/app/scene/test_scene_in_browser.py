@@ -60,7 +60,6 @@ def plain(page: Page, scene: HandScene, right_scene: HandScene) -> None:
         each.measured(FINGERS)
         each.ghost(None)
         each.highlight(None)
-        each.caption("")
         each.trail(np.empty((0, 3)))
         each.show(postures.relaxed(), view.palm_down(each._hand))
 
@@ -393,20 +392,6 @@ def test_what_fingertips_push_with_is_an_arrow_and_a_number_each(
     )
     scene.forces(None)
     seen(page, lambda p: hand_like(p) and arrow(p).sum() == 0)
-
-
-@pytest.mark.slow
-def test_an_instruction_is_written_and_replaced(
-    page: Page, scene: HandScene, tmp_path: Path
-) -> None:
-    ink = lambda p: (p.rgb.max(axis=-1) < 60)[: len(p.rgb) // 4]  # noqa: E731
-    seen(page, lambda p: hand_like(p) and ink(p).sum() == 0)
-    scene.caption("Move your index finger")
-    long = seen(page, lambda p: ink(p).sum() > 60, tmp_path / "caption.png")
-    scene.caption("Rest")
-    seen(page, lambda p: 8 < ink(p).sum() < 0.5 * ink(long).sum())
-    scene.caption("")
-    seen(page, lambda p: ink(p).sum() == 0)
 
 
 @pytest.mark.parametrize("size", SIZES)

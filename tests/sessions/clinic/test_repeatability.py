@@ -14,7 +14,7 @@ from alembic.migration import MigrationContext
 from sqlalchemy import create_engine, inspect, select, text
 from sqlalchemy.orm import Session
 
-from handscope.sessions.clinic.repeatability import ENOUGH, compare_with_previous, is_sufficient
+from handscope.sessions.clinic.repeatability import ENOUGH, is_sufficient
 from handscope.sessions.db.tables import (
     Base,
     Patient,
@@ -206,27 +206,6 @@ def test_a_transaction_that_fails_leaves_the_table_as_it_was(
     db.rollback()
     visit(one, 2, 51.0)
     assert [r.sessions for r in kept(db, one)] == [3]
-
-
-def test_a_result_is_compared_with_the_session_before(
-    db: Session, visit: Callable[..., Result]
-) -> None:
-    one = patient(db, "one")
-    first, other, last = (
-        visit(one, 0, 50.0),
-        visit(one, 20, 80.0, hand="right"),
-        visit(one, 30, 58.0),
-    )
-    assert compare_with_previous(db, first) is None
-    assert compare_with_previous(db, other) is None
-    told = compare_with_previous(db, last)
-    assert told is not None
-    assert told.since == MAY
-    assert (told.now, told.before, told.own) == ({PIP: (58.0, "rad")}, {PIP: (50.0, "rad")}, {})
-    twice = visit(one, 31, 58.0, sha256=last.recording.sha256)
-    told = compare_with_previous(db, twice)
-    assert told is not None
-    assert told.since == MAY  # not with itself
 
 
 def migrate(engine: Any, to: str, down: bool = False) -> None:
