@@ -9,6 +9,7 @@ Limits  first order in the angles; gravity tells nothing about turns about the v
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -94,11 +95,33 @@ def infer(
     """
     on_hand = segments_on_hand(calibration)
     seen = _gravity_seen(calibration, on_hand)
-    fits = _fits(seen, mounting_sd, pose_sd, gravity_sd, measured)
-    error = _mean([(f.weight, f.mean) for f in fits if f.pose_scale == 1.0])
-    P = _mean([(f.weight, f.covariance + np.outer(f.mean - error, f.mean - error)) for f in fits])
+    known = np.zeros(pose_sd.shape, bool) if measured is None else measured
+    arrays = (seen.up, seen.residual, seen.H, pose_sd, known)
+    error, P = posterior(*(a.tobytes() for a in arrays), mounting_sd, gravity_sd)
     up = quat.rotate(quat.exp(error[:3]), seen.up)
     return _posed(calibration, on_hand, up, error[3 + MOUNTINGS :].reshape(-1, 3)), P[3:, 3:]
+
+
+@lru_cache(maxsize=4)
+def posterior(
+    up: bytes,
+    residual: bytes,
+    H: bytes,
+    pose_sd: bytes,
+    measured: bytes,
+    mounting_sd: float,
+    gravity_sd: float,
+) -> tuple[Array, Array]:
+    """The likeliest errors (3 + SIZE,) and their covariance, kept by the content of the arrays: a recording is processed backwards and forwards from the same pose."""
+    seen = _Seen(np.frombuffer(up), np.frombuffer(residual), np.frombuffer(H).reshape(-1, 3 + SIZE))
+    angles_sd = np.frombuffer(pose_sd).reshape(-1, 3)
+    known = np.frombuffer(measured, bool).reshape(-1, 3)
+    fits = _fits(seen, mounting_sd, angles_sd, gravity_sd, known)
+    error = _mean([(f.weight, f.mean) for f in fits if f.pose_scale == 1.0])
+    P = _mean([(f.weight, f.covariance + np.outer(f.mean - error, f.mean - error)) for f in fits])
+    for shared in (error, P):
+        shared.setflags(write=False)
+    return error, P
 
 
 def second_moment(
