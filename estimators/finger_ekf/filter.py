@@ -10,6 +10,7 @@ Limits  time-correlated noise is modelled as larger white noise; every chain est
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import TypeVar
 
 import numpy as np
 
@@ -37,6 +38,8 @@ from handscope.estimators.finger_ekf.update_kernels import (
 )
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array, Bools, Indices
+
+R = TypeVar("R", ChainState, Window)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -242,6 +245,7 @@ def step(params: FilterParams, state: State, samples: Samples) -> tuple[State, E
     """Advance by any number of samples, 0 included; the result does not depend on how they are cut."""
     kernel_params, update_rows, P, first = pack_params(params), [], [], 0
     q_joint, known = np.empty((len(samples), *state.q_pc.shape)), samples.known.astype(float)
+    state = _owned(state)
     while first < len(samples):
         last, closes = find_window_end(
             state.t + params.update - 1e-9,
@@ -261,35 +265,34 @@ def step(params: FilterParams, state: State, samples: Samples) -> tuple[State, E
                 )
             )
             continue
-        state, q_joint[first : int(last)] = _accumulate(state, samples, first, int(last))
+        _accumulate(state, samples, slice(first, int(last)), q_joint)
         first = int(last)
-        if closes:
-            mag = (
-                np.full((len(state.q_pc), 2, 3), np.nan)
-                if samples.mag is None
-                else samples.mag[first - 1]
-            )
-            state, q_joint[first - 1], P_joints = _close_window(
-                kernel_params, state, samples.acc[first - 1], mag
-            )
-            if params.shared_bias and state.is_hand:
-                state = _share_bias(params, state)
-            if params.shared_mounting and state.is_hand:
-                state = _share_mounting(params, state)
-            if params.mounting_changes and state.is_hand:
-                state = _look_for_mounting_change(state)
-            update_rows.append(first - 1)
-            P.append(P_joints)
+        newest = float(samples.t[first - 1])
+        if not closes:
+            state = replace(state, newest=newest)
+            continue
+        P.append(_close_window(kernel_params, state, samples, first - 1, q_joint))
+        update_rows.append(first - 1)
+        state = replace(state, newest=newest, t=newest)
+        if params.shared_bias and state.is_hand:
+            state = _share_bias(params, state)
+        if params.shared_mounting and state.is_hand:
+            state = _share_mounting(params, state)
+        if params.mounting_changes and state.is_hand:
+            state = _look_for_mounting_change(state)
     return state, Estimate(
         q_joint, np.array(update_rows, np.intp), np.array(P).reshape(-1, len(state.q_pc), 9, 9)
     )
 
 
-def _accumulate(state: State, samples: Samples, first: int, last: int) -> tuple[State, Array]:
-    """Add rows first..last to the open window; return the joints after each row (rows, F, 3, 4)."""
-    rows = slice(first, last)
-    window = Window(*_copies(state, Window))
-    q_joint = np.empty((last - first, *state.q_pc.shape))
+def _owned(state: State) -> State:
+    """With arrays of its own, contiguous floats, where kernels fill arrays: what they write does not reach the state that `step` was given."""
+    window, chains = Window(*_copies(state, Window)), ChainState(*_copies(state, ChainState))
+    return replace(state, **window._asdict(), **chains._asdict())
+
+
+def _accumulate(state: State, samples: Samples, rows: slice, q_joint: Array) -> None:
+    """Add rows to the open window in place, and fill the joints (n, F, 3, 4) after each row."""
     extend_windows(
         *(
             np.ascontiguousarray(x[rows])
@@ -299,30 +302,31 @@ def _accumulate(state: State, samples: Samples, first: int, last: int) -> tuple[
         state.q_pc,
         state.q_SB,
         state.soft_tissue_gain,
-        window,
-        q_joint,
+        _of(state, Window),
+        q_joint[rows],
     )
-    return replace(state, newest=float(samples.t[last - 1]), **window._asdict()), q_joint
 
 
 def _close_window(
-    kernel_params: KernelParams, state: State, acc: Array, mag: Array
-) -> tuple[State, Array, Array]:
-    """Propagate to the window's end, update (2.15) and open a new window. Returns the joints (F, 3, 4) and the covariance (F, 9, 9) of their errors."""
-    chains = ChainState(*_copies(state, ChainState))
-    q_joint, P_joints = np.empty(state.q_pc.shape), np.empty((len(state.q_pc), 9, 9))
+    kernel_params: KernelParams, state: State, samples: Samples, row: int, q_joint: Array
+) -> Array:
+    """Propagate to the window's end, update (2.15) and open a new window, in place; fill the joints of the row. Returns the covariance (F, 9, 9) of their errors."""
+    chains = len(state.q_pc)
+    P_joints, window = np.empty((chains, 9, 9)), _of(state, Window)
+    mag = np.full((chains, 2, 3), np.nan) if samples.mag is None else samples.mag[row]
     update_chains(
         kernel_params,
-        _span(state),
-        Window(*_copies(state, Window)),
-        np.ascontiguousarray(acc),
+        _span(state, float(samples.t[row])),
+        window,
+        np.ascontiguousarray(samples.acc[row]),
         np.ascontiguousarray(mag),
         Joints(*_copies(state, Joints)),
-        chains,
-        q_joint,
+        _of(state, ChainState),
+        q_joint[row],
         P_joints,
     )
-    return replace(_open_window(state), **chains._asdict()), q_joint, P_joints
+    _empty_window(window)
+    return P_joints
 
 
 def _share_bias(params: FilterParams, state: State) -> State:
@@ -389,7 +393,7 @@ def _look_for_mounting_change(state: State) -> State:
     return replace(
         state,
         P=mounting_change.widen(change, state.P),
-        compliance_stats=before,
+        compliance_stats=before.copy(),
         shared_mounting=None,  # what the fingers know from now on
         history=mounting_change.begin(state.t),
         mounting_changes=(*state.mounting_changes, change),
@@ -403,9 +407,14 @@ def _copies(
     return (np.array(getattr(state, name), float, order="C") for name in record._fields)
 
 
-def _span(state: State) -> float:
+def _of(state: State, record: type[R]) -> R:
+    """The state's arrays that a record has."""
+    return record(*(getattr(state, name) for name in record._fields))
+
+
+def _span(state: State, newest: float) -> float:
     """Seconds since the newest update, 0 before the first."""
-    return state.newest - state.t if np.isfinite(state.t) else 0.0
+    return newest - state.t if np.isfinite(state.t) else 0.0
 
 
 def _start_joints(
@@ -424,7 +433,8 @@ def _start_joints(
         P[np.ix_([f], own, np.arange(SIZE))] = 0.0
         P[np.ix_([f], np.arange(SIZE), own)] = 0.0
         P[np.ix_([f], own, own)] = posed[np.ix_([f], own, own)]
-    return replace(state, q_pc=q_pc, P=P, known=samples.known[row].copy(), shared_mounting=None)
+    state = replace(state, q_pc=q_pc, P=P, known=samples.known[row].copy(), shared_mounting=None)
+    return _owned(state)
 
 
 def _error_rows(fresh: Bools, first: bool) -> Indices:
@@ -434,23 +444,18 @@ def _error_rows(fresh: Bools, first: bool) -> Indices:
 
 
 def _commit_window(kernel_params: KernelParams, state: State) -> State:
-    """Propagate state and covariance to the end of the open window."""
-    chains = ChainState(*_copies(state, ChainState))
-    propagate_chains(kernel_params, _span(state), Window(*_copies(state, Window)), chains)
-    return replace(_open_window(state), **chains._asdict())
+    """Propagate state and covariance, in place, to the end of the open window."""
+    window = _of(state, Window)
+    propagate_chains(kernel_params, _span(state, state.newest), window, _of(state, ChainState))
+    _empty_window(window)
+    return replace(state, t=state.newest)
 
 
-def _open_window(state: State) -> State:
-    """With a new window that begins with the newest sample."""
-    J_bias, bias_time, rotation_variance = _zero_window(len(state.q_pc))
-    return replace(
-        state,
-        t=state.newest,
-        delta_q=_identity_rotations(len(state.q_pc)),
-        J_bias=J_bias,
-        bias_time=bias_time,
-        rotation_variance=rotation_variance,
-    )
+def _empty_window(window: Window) -> None:
+    """A new window begins without rotation."""
+    window.delta_q[...] = quat.IDENTITY
+    for of_window in (window.J_bias, window.bias_time, window.rotation_variance):
+        of_window[...] = 0.0
 
 
 def _identity_rotations(chains: int) -> Array:

@@ -136,10 +136,46 @@ def covariance_after_pose(
     return np.asarray(L @ L.transpose(0, 2, 1))
 
 
+class JointBuffers(NamedTuple):
+    """What the rotations of a chain's joints are computed in: a loop over rows allocates it once."""
+
+    inverse: Array  # (4,)
+    half: Array  # (4,)
+    bent: Array  # (4,)
+    soft_tissue_turn: Array  # (4,)
+    before: Array  # (4,)
+    turn: Array  # (3,)
+    q_now: Array  # (3, 4)
+    q_SB_bent: Array  # (3, 4)
+    flexion: Array  # (3,)
+
+
+@inlined
+def joint_buffers() -> JointBuffers:
+    """Without any content."""
+    return JointBuffers(
+        np.empty(4),
+        np.empty(4),
+        np.empty(4),
+        np.empty(4),
+        np.empty(4),
+        np.empty(3),
+        np.empty((3, 4)),
+        np.empty((3, 4)),
+        np.empty(3),
+    )
+
+
 @inlined
 def propagate_joints_row(q_pc: Array, delta_q: Array, q_new: Array) -> None:
     """Joint rotations (3, 4) after sensor rotations (4, 4): exp(-w_p dt) q exp(w_c dt). (2.3) with (2.17), exact"""
-    back, half = np.empty(4), np.empty(4)
+    _propagate_joints_row(q_pc, delta_q, np.empty(4), np.empty(4), q_new)
+
+
+@inlined
+def _propagate_joints_row(
+    q_pc: Array, delta_q: Array, back: Array, half: Array, q_new: Array
+) -> None:
     for j in range(3):
         quat.conjugate_row(delta_q[j], back)
         quat.multiply_row(back, q_pc[j], half)
@@ -149,17 +185,18 @@ def propagate_joints_row(q_pc: Array, delta_q: Array, q_new: Array) -> None:
 
 @inlined
 def joint_rotation_row(
-    q_pc: Array, q_SB: Array, soft_tissue_gain: Array, q: Array, q_SB_bent: Array, flexion: Array
+    q_pc: Array, q_SB: Array, soft_tissue_gain: Array, buffers: JointBuffers, q: Array
 ) -> None:
-    """True joints (3, 4), q_SB of the children with soft tissue (3, 4), flexions (3,) that the artefact follows."""
+    """True joints (3, 4); in the buffers q_SB of the children with soft tissue (3, 4), flexions (3,) that the artefact follows."""
     inverse, half, bent, soft_tissue_turn, before, turn = (
-        np.empty(4),
-        np.empty(4),
-        np.empty(4),
-        np.empty(4),
-        np.empty(4),
-        np.empty(3),
+        buffers.inverse,
+        buffers.half,
+        buffers.bent,
+        buffers.soft_tissue_turn,
+        buffers.before,
+        buffers.turn,
     )
+    q_SB_bent, flexion = buffers.q_SB_bent, buffers.flexion
     for j in range(3):
         quat.conjugate_row(q_SB[j], inverse)
         quat.multiply_row(inverse, q_pc[j], half)
@@ -184,10 +221,11 @@ def joint_jacobian_row(
     q_pc: Array, q_SB: Array, soft_tissue_gain: Array, q: Array, A: Array
 ) -> None:
     """True joints q (3, 4) of rotations (3, 4) between sensors, and A (9, 43): derivative of their errors d, q_true = q exp(d), by the chain's error states; flexion counts as known in the soft-tissue term."""
-    q_SB_bent, flexion, inverse, turn = np.empty((3, 4)), np.empty(3), np.empty(4), np.empty(3)
+    inverse, turn, buffers = np.empty(4), np.empty(3), joint_buffers()
+    q_SB_bent, flexion = buffers.q_SB_bent, buffers.flexion
     R_cs, R_cp, by_parent = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     of_q_SB, of_gain = np.empty((3, 3, 3)), np.empty((3, 3, 3))
-    joint_rotation_row(q_pc, q_SB, soft_tissue_gain, q, q_SB_bent, flexion)
+    joint_rotation_row(q_pc, q_SB, soft_tissue_gain, buffers, q)
     for j in range(3):
         for a in range(3):
             turn[a] = flexion[j] * soft_tissue_gain[j, a]
@@ -214,12 +252,16 @@ def joint_jacobian_row(
 
 @inlined
 def true_joints_row(
-    q_pc: Array, q_SB: Array, soft_tissue_gain: Array, delta_q: Array, q: Array
+    q_pc: Array,
+    q_SB: Array,
+    soft_tissue_gain: Array,
+    delta_q: Array,
+    buffers: JointBuffers,
+    q: Array,
 ) -> None:
     """True joint rotations (3, 4) after sensor rotations (4, 4)."""
-    q_now, q_SB_bent, flexion = np.empty((3, 4)), np.empty((3, 4)), np.empty(3)
-    propagate_joints_row(q_pc, delta_q, q_now)
-    joint_rotation_row(q_now, q_SB, soft_tissue_gain, q, q_SB_bent, flexion)
+    _propagate_joints_row(q_pc, delta_q, buffers.inverse, buffers.half, buffers.q_now)
+    joint_rotation_row(buffers.q_now, q_SB, soft_tissue_gain, buffers, q)
 
 
 @inlined

@@ -80,7 +80,7 @@ def extend_windows(
     window: Window, q_joint: Array,
 ) -> None:  # fmt: skip
     """Preintegrate all rows (n, F, 4, ...) into the window; fill the joints (n, F, 3, 4) after each of them."""
-    rows = turn.shape[0]
+    rows, buffers = turn.shape[0], sensor_to_segment.joint_buffers()
     after = np.empty((rows, 4, 4))
     for f in range(turn.shape[1]):
         preintegration.preintegrate_row(
@@ -100,7 +100,7 @@ def extend_windows(
         put(after[rows - 1], window.delta_q[f])
         for row in range(rows):
             sensor_to_segment.true_joints_row(
-                q_pc[f], q_SB[f], soft_tissue_gain[f], after[row], q_joint[row, f]
+                q_pc[f], q_SB[f], soft_tissue_gain[f], after[row], buffers, q_joint[row, f]
             )
 
 
@@ -220,7 +220,12 @@ def _update_chain(
     for s in range(4):
         still[s, 0] = 1.0
     sensor_to_segment.true_joints_row(
-        chain.q_pc, chain.q_SB, chain.soft_tissue_gain, still, q_joint
+        chain.q_pc,
+        chain.q_SB,
+        chain.soft_tissue_gain,
+        still,
+        sensor_to_segment.joint_buffers(),
+        q_joint,
     )
 
 

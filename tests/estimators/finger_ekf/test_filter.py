@@ -1,5 +1,6 @@
 """The finger filter: exact propagation, honest covariances."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -373,3 +374,11 @@ def test_samples_may_be_cut_anywhere(where: list[int]) -> None:
     np.testing.assert_array_equal(np.concatenate([p.P for p in pieces]), whole.P)
     np.testing.assert_array_equal(np.concatenate(update_rows), whole.update_rows)
     np.testing.assert_array_equal(state.P, whole_state.P)
+
+
+def test_a_state_that_was_kept_does_not_change() -> None:
+    samples, _, _, _ = _finger_trials(np.random.default_rng(4), WHITE, 5, 3.0)
+    begun = finger_ekf_filter.step(WHITE, _index(WHITE, 5), samples.between(slice(0, 333)))[0]
+    kept = pickle.dumps(begun)
+    finger_ekf_filter.step(WHITE, begun, samples.between(slice(333, None)))
+    assert pickle.dumps(begun) == kept
