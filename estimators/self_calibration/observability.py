@@ -230,6 +230,12 @@ def assess_joints(
     ]
 
 
+def flexion_excursion(flexion: Array) -> float:
+    """Of a joint's flexion (n,) rad, NaN where unknown; rad."""
+    followed = flexion[np.isfinite(flexion)]
+    return float(np.ptp(np.percentile(followed, SPREAD))) if len(followed) else 0.0
+
+
 def _expand_step(of: Limb, step: Step) -> Step:
     """The step with the parameters that are not looked at, which stay."""
     parameters = np.zeros(parameter_columns(of.links).count + HANDS)
@@ -287,11 +293,8 @@ def _assess_joint(
     most: float,
     flexion: Array,
 ) -> JointObservability:
-    followed, ends = (
-        flexion[np.isfinite(flexion)],
-        (int(of.links.parents[k]), int(of.links.children[k])),
-    )
-    excursion = float(np.ptp(np.percentile(followed, SPREAD))) if len(followed) else 0.0
+    ends = int(of.links.parents[k]), int(of.links.children[k])
+    excursion = flexion_excursion(flexion)
     beside = {s: lengths[s] for s in ends if s in lengths}
     good = [
         asked.length_known * of.geometry.lengths[of.links.sensors[s]] / sd
