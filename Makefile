@@ -30,11 +30,12 @@ test-all:
 	@$(MAKE) --no-print-directory --jobs 2 $(VENV)/runs check
 	@$(MAKE) --no-print-directory tests LANE=""
 
-# Lint, format, types; the import directions and the docs are tests
+# Lint, format, types; the import directions and the docs are tests. Tests are read once here, not by each of their processes at the same time
 check: $(VENV)/develops $(VENV)/node .types/handscope
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	@$(BIN)/pytest --collect-only -qq >$(VENV)/collected || { cat $(VENV)/collected; exit 1; }
 	@if [ -x $(TSC) ]; then $(TSC); else echo "the pages' types were not checked: npm is not there, or cannot reach its packages"; fi
 
 # TypeScript's compiler reads the pages' JavaScript (tsconfig.json)
