@@ -61,7 +61,7 @@ def _add_patients(arguments: argparse.Namespace) -> None:
         if db.query(Patient).count() == 0:
             patients.create(
                 db,
-                "Demo patient",
+                "DEMO",
                 confirmed=True,
                 dominant_hand="right",
                 affected_hand="left",

@@ -48,7 +48,7 @@ class Aim:
 class Story:
     """A person and the sessions."""
 
-    code: str  # in place of a name
+    code: str  # in place of a name; words that are the same in every language of the pages
     note: str
     born: int
     hand: Hand  # that is measured
@@ -94,7 +94,7 @@ def _flexion(joint: str, task: str, low: float, high: float) -> Aim:
 LONG_FINGERS = FINGERS[1:]
 STORIES = (
     Story(
-        code="SIM-1 flexor tendon",
+        code="SIM-1 zone II",
         note="Simulated person, nobody was measured. Flexor tendons of index and middle finger repaired in zone II; measured from the sixth week on.",
         born=1991,
         hand="left",
@@ -118,7 +118,7 @@ STORIES = (
         both=(0, 5),
     ),
     Story(
-        code="SIM-2 radius fracture",
+        code="SIM-2 Colles",
         note="Simulated person, nobody was measured. Distal radius fracture, plate; plaster off in the second week.",
         born=1958,
         hand="right",
@@ -147,7 +147,7 @@ STORIES = (
         aims=(Aim(("tapping", "tapping", "tapping_rate"), "per s", 2.4, 3.6),),
     ),
     Story(
-        code="SIM-4 stroke",
+        code="SIM-4 hemi",
         note="Simulated person, nobody was measured. Stroke of the right hemisphere; the left hand opens slowly and not fully.",
         born=1966,
         hand="left",
@@ -175,7 +175,7 @@ STORIES = (
         both=(0, 4),
     ),
     Story(
-        code="SIM-5 osteoarthritis",
+        code="SIM-5 Heberden",
         note="Simulated person, nobody was measured. Osteoarthritis of the fingers' end joints; slowly stiffer, a little better since the splint.",
         born=1949,
         hand="right",
@@ -189,7 +189,7 @@ STORIES = (
         treated=(Treated(8.0, "splint", "at night"),),
     ),
     Story(
-        code="SIM-6 healthy",
+        code="SIM-6 normal",
         note="Simulated person, nobody was measured. A hand without complaint, measured five times within a week: what differs is no change. It gives this hand's own MDC.",
         born=1985,
         hand="right",

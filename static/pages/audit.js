@@ -67,10 +67,15 @@ function one({ id, at, who, what, kind, ref, patient, address, counts }) {
   const fields = (counts.fields ?? []).map((name) => known(`audit.field.${name}`, name)).join(", ");
   const about = [kind && known(`audit.kind.${kind}`, kind), ref, fields && `(${fields})`].filter(Boolean).join(" ");
   const cells = [who, known(`audit.does.${what.replaceAll(" ", "_")}`, what), about, patient ?? "", address];
-  return h("tr", { "data-id": id }, h("th", { scope: "row" }, shortDayAndTime(at)), cells.map((text) => h("td", {}, String(text))));
+  return h(
+    "tr",
+    { "data-id": id },
+    h("th", { scope: "row" }, shortDayAndTime(at)),
+    cells.map((text, k) => h("td", { "data-column": t(`audit.${HEADS[k + 1]}`), class: text === "" ? "none" : "" }, String(text))),
+  );
 }
 
 function table(rows) {
   const head = HEADS.map((word) => h("th", { scope: "col" }, t(`audit.${word}`)));
-  return h("table", {}, h("thead", {}, h("tr", {}, head)), rows);
+  return h("table", { class: "audit lined" }, h("thead", {}, h("tr", {}, head)), rows);
 }

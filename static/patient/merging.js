@@ -1,6 +1,8 @@
 /** Two people's changes to the same thing, put together: what one of them left alone is as the other made it. */
+import { isSame } from "../same.js";
 
-export const same = (a, b) => JSON.stringify(a ?? null) === JSON.stringify(b ?? null);
+/** What was never written is as what was emptied. */
+export const same = (a, b) => isSame(a ?? null, b ?? null);
 
 /**
  * `mine` on top of `stored`, both begun from `seen`; objects part by part. Where both changed the same part to different values, mine

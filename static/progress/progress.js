@@ -2,7 +2,7 @@
 import { h } from "../dom.js";
 import { errorBox, select } from "../forms.js";
 import { language } from "../words/languages.js";
-import { known, t } from "../words/words.js";
+import { counted, known, t } from "../words/words.js";
 import { handsOf, hasCourse } from "./glance.js";
 import { legend, sources } from "./legend.js";
 import { drawSmall } from "./small.js";
@@ -82,6 +82,7 @@ function printed(patient, hand) {
 }
 
 const FIRST = "important";
+const SHOWN = 4; // changed figures that need no press
 const isIn = (series, view) => (view === FIRST ? series.important : partOf(series) === view);
 
 /** The important figures, then each finger's whole history over all tasks, then what is of no finger. */
@@ -113,8 +114,11 @@ function summed(all, beyond, chosen, change, titles) {
     const show = () => change({ view: partOf(series) });
     return h("li", {}, h("button", { class: "plain", onclick: show }, t("course.beyond.row", what)));
   });
+  const list = (some) => h("ul", { class: "beyond-list" }, some);
+  const more = rows.length > SHOWN + 1 ? rows.splice(SHOWN) : []; // one alone needs no fold
   return [
     h("p", { class: "verdict" }, t("course.beyond", { count: beyond.length, all: count })),
-    h("ul", { class: "beyond-list" }, rows),
-  ];
+    list(rows),
+    more.length > 0 && h("details", {}, h("summary", {}, counted("more_changes", more.length)), list(more)),
+  ].filter(Boolean);
 }

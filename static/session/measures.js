@@ -20,10 +20,11 @@ export function mount(root, api, { session, result, go }) {
 function section(measure, graded, drawn) {
   const chosen = select(measure.gradings, measure.grading, { onchange: () => graded(chosen.value) });
   const normed = measure.norms.some(Boolean);
-  const columns = [t("measures.figure"), ...measure.trials, t("measures.unit"), normed && t("measures.norm"), t("ranges.signal")];
-  const head = columns.filter(Boolean).map((word) => h("th", { scope: "col" }, word));
-  const rows = measure.rows.map((row, k) => line(row, normed && (measure.norms[k] ?? {})));
-  const table = h("table", { class: "ranges" }, h("thead", {}, h("tr", {}, head)), h("tbody", {}, rows));
+  const words = [t("measures.figure"), ...measure.trials, t("measures.unit"), normed && t("measures.norm"), t("ranges.signal")];
+  const columns = words.filter(Boolean);
+  const head = columns.map((word) => h("th", { scope: "col" }, word));
+  const rows = measure.rows.map((row, k) => line(row, normed && (measure.norms[k] ?? {}), columns));
+  const table = h("table", { class: "ranges lined" }, h("thead", {}, h("tr", {}, head)), h("tbody", {}, rows));
   return h(
     "div",
     { class: "card" },
@@ -62,15 +63,15 @@ function doubted({ reason, advice }) {
   return h("div", { class: "warning doubted" }, reason && h("p", {}, reason), h("h3", {}, t("measures.advice")), todo);
 }
 
-function line([name, values, unit, [grade, words], reason], norm) {
+function line([name, values, unit, [grade, words], reason], norm, columns) {
+  const signal = [h("span", { class: `badge ${grade}` }, words), reason && h("div", { class: "hint" }, reason)];
+  const cells = [...values, unit, norm && (norm.told ? [norm.told, why(norm)] : ""), signal].filter((cell) => cell !== false);
+  const style = (k) => (k < values.length ? "number" : cells[k] === "" ? "none" : "");
   return h(
     "tr",
     {},
     h("th", { scope: "row" }, name),
-    values.map((value) => h("td", { class: "number" }, value)),
-    h("td", {}, unit),
-    norm && h("td", {}, norm.told && [norm.told, why(norm)]),
-    h("td", {}, h("span", { class: `badge ${grade}` }, words), reason && h("div", { class: "hint" }, reason)),
+    cells.map((cell, k) => h("td", { class: style(k), "data-column": columns[k + 1] }, cell)),
   );
 }
 

@@ -1,7 +1,7 @@
-/** Whether the numbers can be trusted: the answer first, why and what to do; the calibration is folded away. */
+/** Whether the numbers can be trusted: the answer first, why and what to do; messages and the calibration are folded away. */
 import { h } from "../dom.js";
 import { inWords, segmentWords } from "../words/clinical.js";
-import { decimal, t } from "../words/words.js";
+import { counted, decimal, t } from "../words/words.js";
 
 const LOOK = { yes: "good", mostly: "fair", no: "poor" };
 
@@ -14,20 +14,16 @@ export function mount(root, api, { result }) {
       {},
       each.map((text) => h("li", {}, text)),
     );
-  const details = h(
-    "details",
-    { class: "more" },
-    h("summary", {}, t("quality.calibration")),
-    readings.calibration ? calibration(readings.calibration) : h("p", { class: "soft" }, t("quality.uncalibrated")),
-  );
+  const folded = (words, ...inside) => h("details", { class: "more" }, h("summary", {}, words), inside);
+  const details = readings.calibration ? calibration(readings.calibration) : h("p", { class: "soft" }, t("quality.uncalibrated"));
   root.append(
     h("h2", {}, t("quality.title")),
     h("p", { class: `trust ${LOOK[answer]}` }, words),
     ...(reasons.length ? [list(reasons)] : []),
     ...(todo.length ? [h("h3", {}, t("quality.todo")), list(todo)] : []),
-    ...(warnings.length ? [h("div", { class: "warning" }, list(warnings.map(inWords)))] : []),
-    ...(untested.length ? [h("details", { class: "more" }, h("summary", {}, t("quality.untested")), list(untested))] : []),
-    details,
+    ...(warnings.length ? [folded(counted("recording_messages", warnings.length), list(warnings.map(inWords)))] : []),
+    ...(untested.length ? [folded(t("quality.untested"), list(untested))] : []),
+    folded(t("quality.calibration"), details),
   );
   return () => {};
 }

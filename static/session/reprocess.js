@@ -2,7 +2,7 @@
 import { h } from "../dom.js";
 import { errorBox, field, initial, onSubmit, select } from "../forms.js";
 import { labelled, several } from "../words/joined.js";
-import { degreeSigns } from "../words/clinical.js";
+import { unitSigns } from "../words/clinical.js";
 import { t } from "../words/words.js";
 
 export function mount(root, api, { session, result, go }) {
@@ -48,8 +48,9 @@ export function mount(root, api, { session, result, go }) {
       controls = new Map(chosen().options.map((o) => [o, control(o, result?.parameters?.[o.name] ?? o.default)]));
       options.replaceChildren(
         ...[...controls].map(([o, input]) => {
-          const source = t("again.source", { initial: o.default, source: o.source });
-          return field(degreeSigns(labelOf(o)), input, degreeSigns(source));
+          const begun = o.kind === "bool" ? t(o.default ? "yes" : "no") : o.default;
+          const source = t("again.source", { initial: begun, source: o.source });
+          return field(unitSigns(labelOf(o)), input, unitSigns(source));
         }),
       );
     }

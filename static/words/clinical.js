@@ -39,13 +39,14 @@ export function segmentWords(segment) {
 
 /** A sentence that names sensors as files do, in the words that people use: "index_distal: …" is "Index finger, end segment: …". */
 export function inWords(sentence) {
-  const words = degreeSigns(sentence.replace(SEGMENT, (segment) => segmentWords(segment)));
+  const words = unitSigns(sentence.replace(SEGMENT, (segment) => segmentWords(segment)));
   return words.charAt(0).toUpperCase() + words.slice(1);
 }
 
 /** A text with "°" where the program's words have "deg". */
-export function degreeSigns(text) {
-  return text.replace(/(\d) deg\b/g, "$1°").replace(/\bdeg\b/g, "°");
+export function unitSigns(text) {
+  const degrees = text.replace(/(\d) deg\b/g, "$1°").replace(/\bdeg\b/g, "°");
+  return degrees.replace(/\bs\^2/g, "s²").replace(/\buT\b/g, "µT").replace(/\bsqrt\((\w+)\)/g, "√$1");
 }
 
 /** "34° flexed", "4° extended", "0°". */

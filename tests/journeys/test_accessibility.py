@@ -50,8 +50,17 @@ TOUCHING = """() => {
     return Math.max(b.top + parseFloat(style.paddingTop) - a.bottom, a.top - b.bottom + parseFloat(style.paddingBottom));
   };
   const near = (c) => words.filter((e) => !e.contains(c) && !c.contains(e) && apart(c, e) < 3);
-  return controls.filter((c) => seen(c) && !c.closest(".beyond-list")).flatMap((c) => near(c).map((e) => `${c.textContent}: ${e.textContent}`));
-}"""  # the list of figures that changed scrolls in a box of its own
+  return controls.filter((c) => seen(c)).flatMap((c) => near(c).map((e) => `${c.textContent}: ${e.textContent}`));
+}"""
+
+
+SPILLED = """() => {
+  const wide = (e) => e.scrollWidth > e.clientWidth + 1 && e.checkVisibility({ visibilityProperty: true });
+  const boxes = [...document.querySelectorAll("main :is(p, li, dd, dt, th, td, h1, h2, h3, label, button, .button, button > span)")];
+  const cut = boxes.filter((e) => wide(e) && getComputedStyle(e).display !== "inline" && !e.closest(".visually-hidden, .plot, .over, .views"));
+  return cut.map((e) => `${e.tagName}.${e.className}: ${e.textContent.slice(0, 60)}`);
+}"""  # words wider than the box that they stand in
+SLIDING = """() => [...document.querySelectorAll(".scroll")].filter((e) => e.scrollWidth > e.clientWidth + 1 && e.checkVisibility()).map((e) => e.ariaLabel)"""
 
 
 def looked_at(page: Page, name: str) -> None:
@@ -70,6 +79,8 @@ def looked_at(page: Page, name: str) -> None:
         page.set_viewport_size({"width": width, "height": height})
         fits(page, name, width)
         assert page.evaluate(TOUCHING) == [], f"{name}, {width} px"
+        assert page.evaluate(SPILLED) == [], f"{name}, {width} px"
+    assert page.evaluate(SLIDING) == [], f"{name}: tables on a phone"
     page.set_viewport_size(dict(zip(("width", "height"), SIZES["tablet"])))
 
 
@@ -102,7 +113,7 @@ def test_login_page(newcomer: Page, server: Server, browser: object) -> None:
 
 def test_list_and_help_pages(page: Page, server: Server) -> None:
     page.goto("/")
-    shown(page.get_by_role("link", name="Demo patient"))
+    shown(page.get_by_role("link", name="DEMO"))
     page.get_by_role("button", name="New patient").click()
     looked_at(page, "patients")
     page.goto(f"{server.base}/help")

@@ -30,7 +30,7 @@ def test_a_mistyped_address_is_a_page_with_a_way_back(
     looked_at(page, f"missing-{language}")
     keep_screen(page, f"missing-{language}")
     page.get_by_role("link", name=back).click()
-    shown(page.get_by_role("link", name="Demo patient"))
+    shown(page.get_by_role("link", name="DEMO"))
     context.close()
 
 

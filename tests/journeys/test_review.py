@@ -35,9 +35,8 @@ def test_a_trial_is_left_out_with_a_reason_and_taken_back(
     shown(page.get_by_text("This recording has no figures"))
     page.reload()  # who comes later reads it too
     shown(page.get_by_text("Left out: Interrupted"))
-    shown(
-        page.locator(".warning").filter(has_text="tapping: left out of the figures (Interrupted)")
-    )
+    page.locator("summary").filter(has_text="about the recording").click()
+    shown(page.get_by_text("tapping: left out of the figures (Interrupted)"))
     keep_picture(page, "session-corrected")
     page.get_by_role("button", name="Undo").click()
     shown(page.get_by_role("heading", name="Finger tapping"))
@@ -186,7 +185,7 @@ def test_two_people_write_on_a_session_and_a_wrong_clock_is_corrected(
         shown(window.get_by_label("Notes on this session"))
     mine.get_by_label("Notes on this session").fill("calm")
     mine.get_by_label("Conclusion").fill("Stiffer than in May.")
-    mine.get_by_label("Pain on movement (0–10)").select_option("7")
+    mine.get_by_label("Pain on movement").select_option("7")
     mine.get_by_role("button", name="Save notes").click()
     shown(mine.get_by_text("Saved."))
     other.get_by_label("Examiner").fill("A. B.")  # apart from the notes: kept of both
@@ -219,7 +218,7 @@ def test_two_people_write_on_a_session_and_a_wrong_clock_is_corrected(
     mine.get_by_role("button", name="Correct the date").click()
     expect(mine.get_by_role("heading", name="Session of 12 May 2025")).to_be_visible()
     keep_picture(mine, "session-dated")
-    mine.get_by_role("link", name="Demo patient").click()
+    mine.get_by_role("link", name="DEMO").click()
     expect(shown(mine.get_by_text("Date corrected. The computer's clock said"))).to_contain_text(
         "the clock's battery"
     )

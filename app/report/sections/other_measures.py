@@ -144,7 +144,7 @@ def _name(figure: Figure, task: Task, language: Language) -> str:
     if figure.what != "tam_share":
         return named(figure, language)
     finger = language.known(f"finger.{figure.part}", figure.part)
-    return f"{finger}: TAM {share_words(figure, task, language)}"
+    return language.labelled(finger, f"TAM {share_words(figure, task, language)}")
 
 
 def share_words(figure: Figure, task: Task, language: Language) -> str:

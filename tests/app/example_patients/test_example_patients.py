@@ -23,7 +23,7 @@ from handscope.sessions.clinic.repeatability import values
 from handscope.sessions.db.tables import Patient, PatientSession, now
 from handscope.sessions.store.store import Store, open_store
 
-TENDON = next(s for s in STORIES if "tendon" in s.code)
+TENDON = next(s for s in STORIES if "zone II" in s.code)
 PIP = ("range_of_motion", "rom_fist", "index_pip_flexion_max")
 
 
@@ -114,7 +114,7 @@ def test_a_folder_with_patients_gets_no_examples(tmp_path: Path) -> None:
     assert not patients.are_unfinished(tmp_path)
     store = open_store(tmp_path)
     with store.database() as db:
-        assert [p.pseudonym for p in db.scalars(select(Patient))] == ["Demo patient"]
+        assert [p.pseudonym for p in db.scalars(select(Patient))] == ["DEMO"]
     store.close()
 
 

@@ -22,7 +22,7 @@ from handscope.sessions.db.tables import Result
 from handscope.sessions.store.store import open_store
 
 SENTENCE = re.compile(r"[a-z]{2,}[ ,;:]+[a-z]{2,}[ ,;:]+[a-z]{2,}")  # three words in a row
-STORY = next(s for s in STORIES if "tendon" in s.code)
+STORY = next(s for s in STORIES if "zone II" in s.code)
 SHORT = replace(STORY, course=((1.0, 1.0),), both=(), tasks=("rom_fist", "tapping", "open_close"))
 THEIRS = {  # what people wrote, files for programs, and names of formats
     ("/api/patients/1", "notes.text"),

@@ -103,7 +103,7 @@ def test_fewer_than_eight_taps_have_no_decrement_and_say_so() -> None:
     assert (
         reasons["tapping_decrement_slope"]
         == reasons["tapping_decrement_ratio"]
-        == "too few taps for a decrement"
+        == "too few movements for a decrement"
     )
     assert reasons["tapping_count"] == ""
 

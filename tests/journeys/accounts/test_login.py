@@ -70,7 +70,7 @@ def test_a_second_browser_without_the_cookie_sees_nothing(
     newcomer.goto(f"{server.base}/patients/1")
     newcomer.wait_for_url(f"{server.base}/login")
     expect(newcomer.get_by_label("One-time code")).to_be_visible()
-    assert "Demo patient" not in newcomer.content()
+    assert "DEMO" not in newcomer.content()
     for path in (
         "/api/patients",
         f"/api/stations/{station}",
@@ -112,7 +112,7 @@ def test_a_question_answered_while_its_page_is_left_does_not_lead_away_again(
     "seen", [True, False], ids=["its page was seen before", "its page was not yet loaded"]
 )
 def test_a_login_that_ended_leads_back_to_the_login_page(page: Page, seen: bool) -> None:
-    link = page.get_by_role("link", name="Demo patient")
+    link = page.get_by_role("link", name="DEMO")
     if seen:
         link.click()
         shown(page.get_by_role("heading", name="New session"))
@@ -144,7 +144,7 @@ def test_an_account_is_handed_over_by_a_code_and_then_logs_in_by_its_password(
     code = shown(page.locator(".handed code")).inner_text()
     keep_picture(page, "accounts")
     newcomer.goto(f"{server.base}/login?token={code}")
-    shown(newcomer.get_by_role("link", name="Demo patient"))
+    shown(newcomer.get_by_role("link", name="DEMO"))
     newcomer.get_by_role("link", name="Account").click()
     for label in ("New password", "New password once more"):
         newcomer.get_by_label(label, exact=True).fill("seven hands on a table")
@@ -157,7 +157,7 @@ def test_an_account_is_handed_over_by_a_code_and_then_logs_in_by_its_password(
     newcomer.get_by_label("Name of your account").fill("anna")
     newcomer.get_by_label("Password").fill("seven hands on a table")
     newcomer.get_by_role("button", name="Log in").click()
-    shown(newcomer.get_by_role("link", name="Demo patient"))
+    shown(newcomer.get_by_role("link", name="DEMO"))
     refused: list[str] = []
     newcomer.on(
         "response", lambda answer: refused.append(answer.url) if answer.status == 403 else None
