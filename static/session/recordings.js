@@ -53,23 +53,22 @@ function one(recording, result) {
 }
 
 function streams(summary) {
-  const columns = ["recording.stream", "recording.sensors", "recording.rate", "recording.samples", "recording.lost"].map((word) =>
-    h("th", { scope: "col" }, t(word)),
-  );
+  const columns = ["recording.stream", "recording.sensors", "recording.rate", "recording.samples", "recording.lost"].map((word) => t(word));
+  const head = columns.map((words) => h("th", { scope: "col" }, words));
   const rows = (summary.streams ?? []).map((s) =>
     h(
       "tr",
       {},
       h("th", { scope: "row" }, stripWords(s.name)),
       [s.sensors.length, t("unit.per_second_of", { rate: Math.round(s.rate) }), whole(s.samples), lost(summary.losses?.[s.name])].map(
-        (cell) => h("td", { class: "number" }, String(cell)),
+        (cell, k) => h("td", { class: "number", "data-column": columns[k + 1] }, String(cell)),
       ),
     ),
   );
   return h(
     "div",
     { class: "scroll", tabindex: "0", role: "group", "aria-label": t("recording.streams") },
-    h("table", {}, h("thead", {}, h("tr", {}, columns)), h("tbody", {}, rows)),
+    h("table", { class: "lined" }, h("thead", {}, h("tr", {}, head)), h("tbody", {}, rows)),
   );
 }
 
