@@ -17,7 +17,7 @@ from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from handscope.app.protocols.lines import line_of
-from handscope.estimators.data.held_contact import POINTS
+from handscope.estimators.data.held_contact import ELSEWHERE, POINTS
 from handscope.estimators.data.samples import TRACKED_POINTS
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import CHAINS, DOF_NAMES, FINGERS
@@ -34,7 +34,8 @@ SLACK = 0.15  # s by which the end of an attempt may be late or early: the stati
 EXACT = 1e-6  # s
 OWN = "protocols"  # in the data folder
 _POINT = f"({'|'.join(FINGERS)})_({'|'.join(POINTS)})"
-_CONTACTS = f"^{_POINT}-{_POINT}( {_POINT}-{_POINT})*$"
+_TOUCH = f"{_POINT}-({_POINT}|{'|'.join('_'.join(place) for place in ELSEWHERE)})"
+_CONTACTS = f"^{_TOUCH}( {_TOUCH})*$"
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 
@@ -50,7 +51,7 @@ class Phase:
         None  # such stretches of an accepted attempt are marked in the recording under this name
     )
     contacts: Annotated[str, Field(pattern=_CONTACTS)] | None = (
-        None  # fingertips that are held together meanwhile, for calibration; of marked phases
+        None  # what fingertips are held against meanwhile, for calibration; of marked phases
     )
 
 

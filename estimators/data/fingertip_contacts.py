@@ -1,10 +1,13 @@
-"""Points on a fingertip's skin: where it touches what it holds.
+"""Points on a fingertip's skin: where it touches what it holds, and the mark on the palm that it is brought to.
 
 In      joint angles or a trajectory, a sized hand, the fingertip's width and thickness
 Out     places (n, 3) of a contact point in the wrist frame WCS, m
 Source  Salchow-Hoemmen 2019, 3.2.1 and Fig. 10; widths and thicknesses: ours, an adult's to the
         millimetre - the paper measured its subjects', so truth and estimate know the same; how far
-        the skin reaches beyond the bone: the geometry's tip tissue
+        the skin reaches beyond the bone: the geometry's tip tissue. The distal palmar crease lies
+        6.8 to 10.3 mm from the MCP joints, nearer to the wrist: Bugbee & Botte 1993, Clin Orthop
+        296:122, 53 hands (the index finger's, the proximal one, 9.1 mm and more); how far the skin
+        lies below them: ours
 Limits  the paper's hand is a left one, palm down: its `left` is the ulnar side, its `right` the
         radial one, on either hand here
 """
@@ -28,6 +31,9 @@ from handscope.estimators.hand.anatomy import (
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
+
+PALM_DEPTH = 0.017  # m, skin of the palm below the centre of an MCP joint: a hand of 28 mm less 11 above the centre
+CREASE_BEHIND = 0.0085  # m, the middle of what the joints have
 
 
 @dataclass(frozen=True)
@@ -79,6 +85,21 @@ def contact_points_of(
         trajectory.tips[:, FINGERS.index(finger)]
         + quat.rotate(q_WD, offset(geometry, finger, point, fingertip))
     )
+
+
+def pulp_offset(
+    geometry: HandGeometry, finger: str, towards: Array, fingertip: FingertipSize
+) -> tuple[Array, Array]:
+    """From the end of the distal bone to an ellipsoid's farthest point (3,) in a direction (3,), unit length, both in the distal phalanx' frame; its derivative (3, 3) by the direction."""
+    half = 0.5 * np.array([fingertip.thickness, 2 * geometry.tip_tissue[finger], fingertip.width])
+    size = float(np.linalg.norm(half * towards))
+    point = half**2 * towards / size
+    return point, np.diag(half**2) / size - np.outer(point, point) / size
+
+
+def palm_mark(geometry: HandGeometry) -> Array:
+    """From a finger's MCP joint to the mark (3,), in the hand's frame: on the palm's crease, in line with the finger."""
+    return side_sign(geometry.hand) * np.array([-PALM_DEPTH, -CREASE_BEHIND, 0.0])
 
 
 def offset(geometry: HandGeometry, finger: str, point: str, fingertip: FingertipSize) -> Array:

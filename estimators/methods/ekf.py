@@ -18,7 +18,8 @@ import numpy as np
 
 from handscope.estimators.alignment import functional_movements
 from handscope.estimators.data.calibration import Calibration
-from handscope.estimators.data.held_contact import ContactOutcome, HeldContact
+from handscope.estimators.data.contact_constraint import ContactParams
+from handscope.estimators.data.held_contact import ContactOutcome
 from handscope.estimators.data.mounting_change import MountingChange
 from handscope.estimators.data.options import option
 from handscope.estimators.data.samples import ACC, GYR, Block, Stream
@@ -40,6 +41,7 @@ from handscope.estimators.hand.forward_kinematics import CHAIN_SEGMENTS
 from handscope.estimators.hand.pose import Pose
 from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.methods import ekf_contacts
+from handscope.estimators.methods.ekf_contacts import HandState, Pending
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import rowwise, rowwise_bool
 from handscope.estimators.numerics.typing import Array, Bools
@@ -56,7 +58,12 @@ LOST, _FOREARM, _HAND = np.uint8(Flag.HEADING_LOST), SEGMENT["forearm"], SEGMENT
 
 
 @dataclass(frozen=True, kw_only=True)
-class Params(FilterParams, orientation_fusion.FusionParams, functional_movements.FunctionalParams):
+class Params(
+    FilterParams,
+    orientation_fusion.FusionParams,
+    functional_movements.FunctionalParams,
+    ContactParams,
+):
     """Options of EKF."""
 
     constraints: bool = option(
@@ -70,12 +77,6 @@ class Params(FilterParams, orientation_fusion.FusionParams, functional_movements
         "deg",
         "a joint of larger standard deviation counts as of lost heading",
         "ours, as in m2",
-    )
-    contact_sd: float = option(
-        0.005,
-        "m",
-        "where on their pads two fingertips touch that are held together for calibration, each axis; 0: such contacts are not used",
-        "ours: a third of a pad's width; docs/decisions/0019-contacts.md",
     )
     length_sd: float = option(
         0.03,
@@ -106,8 +107,10 @@ class State:
     chains: finger_ekf_filter.State
     uncertainty: OutputUncertainty
     of_lengths: Array  # (5, 6, 6) covariance of the lengths: length_covariance.py
+    marks: Array  # (5, 3) m, marks on the palm: ekf_contacts.HandState
+    of_marks: Array  # (5, 3, 3) m^2
     magnetic: magnetometer_resampling.State | None = None  # None: magnetometers are not asked for
-    contacts: tuple[HeldContact, ...] = ()  # still to be used, in order of time
+    contacts: tuple[Pending, ...] = ()  # still to be used
     contact_outcomes: tuple[ContactOutcome, ...] = ()
 
 
@@ -147,8 +150,9 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
         chains,
         uncertainty,
         length_covariance.covariance(calibration.geometry, params.length_sd),
+        *ekf_contacts.start_marks(params, calibration.geometry),
         magnetic,
-        calibration.contacts if params.contact_sd > 0 else (),
+        ekf_contacts.pending_contacts(params, calibration.contacts),
     )
 
 
@@ -294,32 +298,42 @@ def _hand(params: Params, state: State, rows: resampling.Rows) -> tuple[State, T
         params.max_gap,
     )
     pieces, first = [], 0
-    for held in _due_contacts(state, samples.t):
-        row = int(samples.t.searchsorted(ekf_contacts.due(held)))
+    while (pending := _next_due(state, samples.t[-1])) is not None:
+        row = int(samples.t.searchsorted(pending.due))
         state, piece = _pose_rows(params, state, rows, q_GB, samples, slice(first, row))
         pieces.append(piece)
-        state, first = _use_contact(params, state, held), row
+        state, first = _look_at_contact(params, state, pending), row
     state, piece = _pose_rows(params, state, rows, q_GB, samples, slice(first, len(rows.t)))
     return replace(state, raw=raw), join([*pieces, piece], state.calibration.hand)
 
 
-def _due_contacts(state: State, t: Array) -> tuple[HeldContact, ...]:
-    """Contacts that are to be used before the last of these rows (n,) s."""
-    return tuple(h for h in state.contacts if ekf_contacts.due(h) <= t[-1])
+def _next_due(state: State, until: float) -> Pending | None:
+    """The contact that is to be looked at next, up to a time (s)."""
+    first = min(state.contacts, key=lambda p: p.due, default=None)
+    return first if first is not None and first.due <= until else None
 
 
-def _use_contact(params: Params, state: State, held: HeldContact) -> State:
-    """The state with what a contact tells of joints, mounting and lengths."""
-    found = ekf_contacts.apply(
-        state.chains, held, state.calibration.geometry, state.of_lengths, params.contact_sd
+def _look_at_contact(params: Params, state: State, pending: Pending) -> State:
+    """The state with what a contact tells of joints, mounting and lengths, once it was held."""
+    others = tuple(p for p in state.contacts if p is not pending)
+    if pending.q_before is None:
+        at_rest = replace(pending, q_before=state.chains.q_pc)
+        return replace(state, contacts=(*others, at_rest))
+    geometry = state.calibration.geometry
+    hand, outcome = ekf_contacts.apply(
+        params,
+        HandState(state.chains, geometry, state.of_lengths, state.marks, state.of_marks),
+        pending,
     )
     return replace(
         state,
-        chains=found.chains,
-        of_lengths=found.of_lengths,
-        calibration=replace(state.calibration, geometry=found.geometry),
-        contacts=tuple(h for h in state.contacts if h is not held),
-        contact_outcomes=(*state.contact_outcomes, found.outcome),
+        chains=hand.chains,
+        of_lengths=hand.of_lengths,
+        marks=hand.marks,
+        of_marks=hand.of_marks,
+        calibration=replace(state.calibration, geometry=hand.geometry),
+        contacts=others,
+        contact_outcomes=(*state.contact_outcomes, outcome),
     )
 
 

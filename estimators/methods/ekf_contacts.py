@@ -1,22 +1,42 @@
-"""Two points of fingertips that touch: a measurement of both chains' joints and mounting.
+"""Places that touch - fingertips, a mark on the palm, a table: a measurement of the joints and mountings of all chains that take part.
 
-In      a hand's chains, its geometry with the covariance of its lengths, which points are held together or how far apart
-Out     corrected chains and lengths, or the same where the contact is refused: farther off than errors explain
-Source  closed chains as of Salchow-Hoemmen 2019, 3.2, P1 to P4, there to judge, here to measure. The covariances between two chains, and with
-        the lengths, that the update makes are not kept, as between chains everywhere here; the gate is the chi-squared test of the innovation
+In      a hand's chains, its geometry with the covariance of its lengths, where a mark on its palm lies; what is held together
+Out     all of them corrected, or the same where the contact is refused: farther off than errors explain, or the hand moved
+Source  contact_constraint.py. The covariances between two chains, and with the lengths, that the update makes are not kept,
+        as between chains everywhere here; the gate is the chi-squared test of the innovation
 Limits  used once a contact, as places on the skin stay while it is held
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
-from handscope.estimators.data.fingertip_contacts import FINGERTIPS, offset
-from handscope.estimators.data.held_contact import ContactOutcome, HeldContact
+from handscope.estimators.data.contact_constraint import (
+    Constraint,
+    ContactParams,
+    between_two,
+    on_a_plane,
+    places_of,
+)
+from handscope.estimators.data.fingertip_contacts import (
+    FINGERTIPS,
+    offset,
+    palm_mark,
+    pulp_offset,
+)
+from handscope.estimators.data.held_contact import (
+    ELSEWHERE,
+    LEAST_ON_TABLE,
+    PALM,
+    TABLE,
+    ContactOutcome,
+    HeldContact,
+    Place,
+)
 from handscope.estimators.finger_ekf.filter import State
 from handscope.estimators.finger_ekf.sensor_to_segment import ERROR, SIZE, joint_jacobian_row
-from handscope.estimators.hand.anatomy import CHAINS, FINGERS
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, side_sign
 from handscope.estimators.hand.geometry import HandGeometry, root_joint
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import looped
@@ -24,80 +44,210 @@ from handscope.estimators.numerics.tail_probabilities import chi2_sf
 from handscope.estimators.numerics.typing import Array
 
 REFUSED = 1e-3  # probability of such an innovation if they touch
-LATE = 0.75  # share of a hold after which it counts: both fingers have come to rest
+LIKELY = 0.05  # the same of what is left on a table where a finger is left out
+EARLY, LATE = 0.4, 0.75  # shares of a hold: fingers have come to rest; what is held is used
+STILL = np.radians(4.0)  # most that a joint turns between the two: tremor, and what a filter learns
+PALMAR = np.array([-1.0, 0.0, 0.0])  # times side_sign: in the hand's frame
+OF_HAND = slice(ERROR.q_SB, ERROR.q_SB + 3)  # the hand's mounting in a chain's errors
 
 
 @dataclass(frozen=True)
-class Updated:
-    """What is known after a contact."""
+class Pending:
+    """A contact that is still to be used."""
+
+    held: HeldContact
+    q_before: Array | None = (
+        None  # (F, 3, 4) the chains' joints when it had come to rest; None: not yet
+    )
+
+    @property
+    def due(self) -> float:
+        """When it is to be looked at next, s."""
+        share = EARLY if self.q_before is None else LATE
+        return self.held.onset + share * (self.held.end - self.held.onset)
+
+
+@dataclass(frozen=True)
+class HandState:
+    """What contacts correct."""
 
     chains: State
     geometry: HandGeometry
     of_lengths: Array  # (5, 6, 6) covariance of the lengths: hand/length_covariance.py
-    outcome: ContactOutcome
+    marks: Array  # (5, 3) m, marks on the palm, each from the MCP joint of its finger
+    of_marks: Array  # (5, 3, 3) m^2
 
 
-class Side(NamedTuple):
-    """One of the two fingers: derivatives of the vector from the other's point to this one's."""
+@dataclass(frozen=True)
+class _Touch:
+    """A place that touches, in the hand's frame, with its derivatives."""
 
-    finger: str
-    by_joints: Array  # (m, 43) by the errors of its chain
-    by_lengths: Array  # (m, 6) by those of its lengths
+    finger: int  # whose chain and lengths it depends on; of a mark its finger's lengths
+    place: Array  # (3,) m
+    by_joints: Array  # (3, 43) by the errors of the chain
+    by_lengths: Array  # (3, 6) by those of its lengths
+    by_mark: Array  # (3, 3) by the finger's mark
+    vertical: Array  # (3,) as the chain has it
 
 
-def due(held: HeldContact) -> float:
-    """When a contact is to be used, s."""
-    return held.onset + LATE * (held.end - held.onset)
+def start_marks(params: ContactParams, geometry: HandGeometry) -> tuple[Array, Array]:
+    """Where marks on the palm lie before anything touched them, and their covariances."""
+    size = len(FINGERS)
+    return np.tile(palm_mark(geometry), (size, 1)), np.tile(
+        params.mark_sd**2 * np.eye(3), (size, 1, 1)
+    )
+
+
+def pending_contacts(params: ContactParams, held: Sequence[HeldContact]) -> tuple[Pending, ...]:
+    """The contacts whose kinds are asked for."""
+    if not params.contact_sd > 0:
+        return ()
+    return tuple(Pending(h) for h in held if _kind_sd(params, h) > 0)
 
 
 def apply(
-    chains: State, held: HeldContact, geometry: HandGeometry, of_lengths: Array, contact_sd: float
-) -> Updated:
-    """What is known after a contact of places known to `contact_sd` (m, each axis), and what became of it."""
-    contact = held.contact
-    if not chains.known[[FINGERS.index(f) for f, _ in (contact.a, contact.b)]].all():
-        return Updated(chains, geometry, of_lengths, ContactOutcome(held, False, np.nan))
-    sides, between, S = [], np.zeros(3), contact_sd**2 * np.eye(3)
-    for sign, (finger, point) in ((1.0, contact.a), (-1.0, contact.b)):
-        place, side = _side(chains, geometry, finger, point, sign)
-        sides.append(side)
-        between = between + sign * place
-        S = S + _variance(side, chains, of_lengths)
-    innovation = -between
-    if contact.distance:  # along the line between the points only
-        distance = float(np.linalg.norm(between))
-        along = between[None] / distance
-        innovation, S = np.array([contact.distance - distance]), along @ S @ along.T
-        sides = [Side(s.finger, along @ s.by_joints, along @ s.by_lengths) for s in sides]
-    weighed = np.asarray(np.linalg.solve(S, innovation))
-    used = bool(chi2_sf(innovation @ weighed, len(innovation)) > REFUSED)
-    outcome = ContactOutcome(held, used, float(np.linalg.norm(innovation)))
-    if not used:
-        return Updated(chains, geometry, of_lengths, outcome)
-    corrected, of_lengths = chains, of_lengths.copy()
-    for side in sides:
-        f = FINGERS.index(side.finger)
-        lengths_H = of_lengths[f] @ side.by_lengths.T
-        geometry = _resized(geometry, side.finger, lengths_H @ weighed)
-        of_lengths[f] -= lengths_H @ np.linalg.solve(S, lengths_H.T)
-        corrected = _corrected(corrected, f, side.by_joints, S, weighed)
-    return Updated(corrected, geometry, of_lengths, outcome)
+    params: ContactParams, hand: HandState, pending: Pending
+) -> tuple[HandState, ContactOutcome]:
+    """What is known after a contact, and what became of it."""
+    held = pending.held
+    places = [p for p in places_of(held) if p[0] == PALM or _is_known(hand, p)]
+    if len(places) < (LEAST_ON_TABLE if held.on_table else 2):
+        return hand, ContactOutcome(held, "not measured")
+    if _is_moving(hand.chains, pending, places):
+        return hand, ContactOutcome(held, "moving")
+    touches = [_touch(hand, place, held) for place in places]
+    innovation = _innovation(params, hand, held, touches)
+    missed = innovation.constraint.missed
+    if innovation.probability > REFUSED:
+        return _corrected(hand, innovation), ContactOutcome(held, "used", missed)
+    without = _without_one(params, hand, held, touches)
+    if without is None:
+        return hand, ContactOutcome(held, "missed", missed)
+    left_out = tuple(
+        FINGERS[t.finger] for t in touches if t.finger not in {u.finger for u in without.touches}
+    )
+    outcome = ContactOutcome(held, "used", without.constraint.missed, left_out)
+    return _corrected(hand, without), outcome
 
 
-def _side(
-    chains: State, geometry: HandGeometry, finger: str, point: str, sign: float
-) -> tuple[Array, Side]:
-    """The point (3,) m in the hand's frame, and its derivatives."""
-    f = FINGERS.index(finger)
+def _kind_sd(params: ContactParams, held: HeldContact) -> float:
+    if held.on_table:
+        return params.pulp_sd
+    return params.mark_sd if held.contacts[0].b[0] == PALM else params.contact_sd
+
+
+def _is_known(hand: HandState, place: Place) -> bool:
+    return bool(hand.chains.known[FINGERS.index(place[0])].all())
+
+
+def _is_moving(chains: State, pending: Pending, places: Sequence[Place]) -> bool:
+    """Whether a finger's joint turned while it was to be held."""
+    if pending.q_before is None:
+        return False
+    fingers = [FINGERS.index(name) for name, _ in places if name in FINGERS]
+    turned = quat.log(quat.relative(pending.q_before[fingers], chains.q_pc[fingers]))
+    return bool(np.linalg.norm(turned, axis=-1).max() > STILL)
+
+
+@dataclass(frozen=True)
+class _Innovation:
+    """A contact as a measurement."""
+
+    touches: Sequence[_Touch]
+    constraint: Constraint
+    by_joints: dict[int, Array]  # (m, 43) by finger
+    by_lengths: dict[int, Array]  # (m, 6)
+    by_mark: dict[int, Array]  # (m, 3)
+    S: Array  # (m, m) its covariance
+
+    @property
+    def weighed(self) -> Array:
+        return np.asarray(np.linalg.solve(self.S, -self.constraint.residual))
+
+    @property
+    def probability(self) -> float:
+        """Of one as large, if they touch."""
+        r = self.constraint.residual
+        return float(chi2_sf(float(-r @ self.weighed), len(r)))
+
+
+def _innovation(
+    params: ContactParams, hand: HandState, held: HeldContact, touches: Sequence[_Touch]
+) -> _Innovation:
+    where = np.array([t.place for t in touches])
+    constraint = (
+        on_a_plane(params, where, np.array([t.vertical for t in touches]))
+        if held.on_table
+        else between_two(params, where, held.contacts[0].distance)
+    )
+    by_joints: dict[int, Array] = {}
+    by_lengths: dict[int, Array] = {}
+    by_mark: dict[int, Array] = {}
+    for touch, by_place, by_vertical in zip(touches, constraint.by_places, constraint.by_vertical):
+        H = by_place @ touch.by_joints
+        H[:, OF_HAND] += by_vertical @ quat.skew(touch.vertical)  # q_SB exp(d) turns it by -d
+        f = touch.finger
+        by_joints[f] = by_joints.get(f, 0.0) + H
+        by_lengths[f] = by_lengths.get(f, 0.0) + by_place @ touch.by_lengths
+        by_mark[f] = by_mark.get(f, 0.0) + by_place @ touch.by_mark
+    S = constraint.noise
+    for f in by_joints:
+        S = S + by_mark[f] @ hand.of_marks[f] @ by_mark[f].T
+        S = S + by_joints[f] @ hand.chains.P[f] @ by_joints[f].T
+        S = S + by_lengths[f] @ hand.of_lengths[f] @ by_lengths[f].T
+    return _Innovation(touches, constraint, by_joints, by_lengths, by_mark, S)
+
+
+def _without_one(
+    params: ContactParams, hand: HandState, held: HeldContact, touches: Sequence[_Touch]
+) -> _Innovation | None:
+    """The likeliest that leaves a finger out which is not on the table; None where that does not explain it, either."""
+    if not held.on_table or len(touches) <= LEAST_ON_TABLE:
+        return None
+    fewer = [
+        _innovation(params, hand, held, [t for t in touches if t is not one]) for one in touches
+    ]
+    best = max(fewer, key=lambda i: i.probability)
+    return best if best.probability > LIKELY else None
+
+
+def _touch(hand: HandState, place: Place, held: HeldContact) -> _Touch:
+    chains, geometry, (name, point) = hand.chains, hand.geometry, place
+    nothing = np.zeros((3, SIZE))
+    if name == PALM:
+        f = FINGERS.index(point)
+        mark = geometry.roots()[f] + hand.marks[f]
+        by_lengths = np.hstack([np.eye(3), np.zeros((3, 3))])
+        return _Touch(f, mark, nothing, by_lengths, np.eye(3), np.zeros(3))
+    f = FINGERS.index(name)
     q, A = np.empty((3, 4)), np.zeros((9, SIZE))
     _fill_joints(
         *(np.array(x[f]) for x in (chains.q_pc, chains.q_SB, chains.soft_tissue_gain)), q, A
     )
-    offsets = geometry.chain_offsets()[f].copy()
-    offsets[-1] += offset(geometry, finger, point, FINGERTIPS[finger])
+    vertical = quat.rotate(quat.conjugate(chains.q_SB[f, 0]), chains.up[f, 0])
+    offsets, rolling = geometry.chain_offsets()[f].copy(), np.zeros((3, 9))
+    against = held.contacts[0].b
+    if against in ELSEWHERE:  # the pulp touches with what is nearest
+        towards = -vertical if against == TABLE else side_sign(geometry.hand) * -PALMAR
+        pulp, rolling = _pulp(q, geometry, name, towards)
+        offsets[-1] += pulp
+    else:
+        offsets[-1] += offset(geometry, name, point, FINGERTIPS[name])
     bones, J = _point(q, geometry.roots()[f], offsets)
     by_lengths = np.hstack([np.eye(3), bones[1:].T])
-    return bones.sum(axis=0), Side(finger, sign * J @ A, sign * by_lengths)
+    by_joints = (J + rolling) @ A
+    return _Touch(f, bones.sum(axis=0), by_joints, by_lengths, np.zeros((3, 3)), vertical)
+
+
+def _pulp(q_pc: Array, geometry: HandGeometry, finger: str, towards: Array) -> tuple[Array, Array]:
+    """The pulp's farthest point (3,) in a direction of the hand's frame, in that of the distal phalanx, and how it rolls on (3, 9) in the hand's frame with errors of the joints."""
+    q_HM = quat.multiply(q_pc[0], q_pc[1])
+    q_HD = quat.multiply(q_HM, q_pc[2])
+    towards_D = quat.rotate(quat.conjugate(q_HD), towards)
+    point, by_direction = pulp_offset(geometry, finger, towards_D, FINGERTIPS[finger])
+    q_BD = (quat.multiply(q_pc[1], q_pc[2]), q_pc[2], quat.IDENTITY)
+    turns = np.hstack([quat.matrix(quat.conjugate(q)) for q in q_BD])  # of the distal phalanx
+    return point, quat.matrix(q_HD) @ by_direction @ quat.skew(towards_D) @ turns
 
 
 def _point(q_pc: Array, root: Array, offsets: Array) -> tuple[Array, Array]:
@@ -110,12 +260,18 @@ def _point(q_pc: Array, root: Array, offsets: Array) -> tuple[Array, Array]:
     return bones, np.hstack(list(-quat.skew(arms) @ quat.matrix(q_HB)))
 
 
-def _variance(side: Side, chains: State, of_lengths: Array) -> Array:
-    f = FINGERS.index(side.finger)
-    return np.asarray(
-        side.by_joints @ chains.P[f] @ side.by_joints.T
-        + side.by_lengths @ of_lengths[f] @ side.by_lengths.T
-    )
+def _corrected(hand: HandState, found: _Innovation) -> HandState:
+    S, weighed, chains, geometry = found.S, found.weighed, hand.chains, hand.geometry
+    of_lengths, marks, of_marks = (x.copy() for x in (hand.of_lengths, hand.marks, hand.of_marks))
+    for f, H in found.by_joints.items():
+        lengths_H = of_lengths[f] @ found.by_lengths[f].T
+        geometry = _resized(geometry, FINGERS[f], lengths_H @ weighed)
+        of_lengths[f] -= lengths_H @ np.linalg.solve(S, lengths_H.T)
+        chains = _corrected_chain(chains, f, H, S, weighed)
+        mark_H = of_marks[f] @ found.by_mark[f].T
+        marks[f] += mark_H @ weighed
+        of_marks[f] -= mark_H @ np.linalg.solve(S, mark_H.T)
+    return HandState(chains, geometry, of_lengths, marks, of_marks)
 
 
 def _resized(geometry: HandGeometry, finger: str, change: Array) -> HandGeometry:
@@ -130,7 +286,7 @@ def _resized(geometry: HandGeometry, finger: str, change: Array) -> HandGeometry
     )
 
 
-def _corrected(chains: State, f: int, H: Array, S: Array, weighed: Array) -> State:
+def _corrected_chain(chains: State, f: int, H: Array, S: Array, weighed: Array) -> State:
     """Chain f after an innovation, S^-1 innovation `weighed` (m,), of derivative H (m, 43)."""
     q_pc, bias, q_SB, gain, P = (
         x.copy() for x in (chains.q_pc, chains.bias, chains.q_SB, chains.soft_tissue_gain, chains.P)

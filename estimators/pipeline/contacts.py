@@ -7,8 +7,23 @@ import numpy as np
 
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.events import Event
-from handscope.estimators.data.held_contact import Contact, ContactOutcome, held_contacts
+from handscope.estimators.data.held_contact import (
+    PALM,
+    ContactOutcome,
+    HeldContact,
+    Place,
+    held_contacts,
+)
 from handscope.estimators.messages import Message
+from handscope.estimators.messages.sentence import join, phrase
+
+FINGER_WORDS = {
+    "thumb": phrase("finger.thumb"),
+    "index": phrase("finger.index"),
+    "middle": phrase("finger.middle"),
+    "ring": phrase("finger.ring"),
+    "little": phrase("finger.little"),
+}
 
 
 def with_contacts(
@@ -23,25 +38,37 @@ def with_contacts(
 
 
 def contact_messages(outcomes: Iterable[ContactOutcome]) -> list[Message]:
-    """Which contacts were used, and one for each that was refused."""
+    """Which contacts were used, and one for each that was refused or that a finger was left out of."""
     every = list(outcomes)
-    used = ", ".join(pair_of(o.held.contact) for o in every if o.used)
+    used = join(name_of(o.held) for o in every if o.used)
     messages = [Message("contacts.used", {"contacts": used}, "info")] if used else []
-    return [*messages, *(_refusal(o) for o in every if not o.used)]
+    return [*messages, *(_refusal(o) for o in every if not o.used or o.left_out)]
 
 
-def pair_of(contact: Contact) -> str:
-    """Its fingers, as `thumb-index`."""
-    return f"{contact.a[0]}-{contact.b[0]}"
+def name_of(held: HeldContact) -> str:
+    """In words, such as "thumb on index finger"."""
+    if held.on_table:
+        return phrase("contacts.table")
+    a, b = held.contacts[0].a, held.contacts[0].b
+    if b[0] == PALM:
+        return phrase("contacts.palm", a=_finger(a))
+    return phrase("contacts.pair", a=_finger(a), b=_finger(b))
+
+
+def _finger(place: Place) -> str:
+    return FINGER_WORDS[place[0]]
 
 
 def _refusal(outcome: ContactOutcome) -> Message:
-    pair, onset = pair_of(outcome.held.contact), outcome.held.onset
-    if np.isnan(outcome.missed):
-        return Message("contacts.not_measured", {"contact": pair, "start": onset})
-    values: dict[str, float | str] = {
-        "contact": pair,
-        "start": onset,
-        "missed_mm": 1e3 * outcome.missed,
-    }
-    return Message("contacts.refused", values)
+    contact, start = name_of(outcome.held), outcome.held.onset
+    if outcome.left_out:
+        fingers = join(FINGER_WORDS[finger] for finger in outcome.left_out)
+        return Message(
+            "contacts.left_out", {"contact": contact, "start": start, "fingers": fingers}
+        )
+    if outcome.outcome == "not measured":
+        return Message("contacts.not_measured", {"contact": contact, "start": start})
+    if outcome.outcome == "moving":
+        return Message("contacts.moving", {"contact": contact, "start": start})
+    missed = 1e3 * outcome.missed
+    return Message("contacts.refused", {"contact": contact, "start": start, "missed_mm": missed})

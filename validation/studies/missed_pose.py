@@ -4,8 +4,8 @@ The pose misses every freedom by a normal error; measured are, in the plane of a
 to 0.7 deg (the columns of the pose's event, docs/motion-bids.md).
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -16,7 +16,7 @@ from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.methods import METHODS
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation.experiments import EXPERIMENTS, Experiment, PersonErrors
-from handscope.estimators.simulation.movements import touched_fingertips
+from handscope.estimators.simulation.movements import touched_fingertips, touched_surfaces
 from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import SensorErrors
@@ -37,12 +37,59 @@ from handscope.validation.reproduce.experiments import (
 from handscope.validation.reproduce.finding import Finding, Row, Table, spread
 
 POSES = (2.5, 1.5)  # deg, standard deviation of every freedom's error
+
+
+@dataclass(frozen=True)
+class Case:
+    """What one row of the table is about."""
+
+    method: str
+    measured: bool = False
+    contacts: str = ""  # of CONTACTS
+
+
+def _fingertips(
+    geometry: HandGeometry, rng: np.random.Generator, missed: float = 0.0
+) -> Performance:
+    return touched_fingertips.touch_fingertips(geometry, rng, missed=missed)
+
+
+def _fingertips_missed(geometry: HandGeometry, rng: np.random.Generator) -> Performance:
+    return _fingertips(geometry, rng, NOT_TOUCHED)
+
+
+def _palm_missed(geometry: HandGeometry, rng: np.random.Generator) -> Performance:
+    return touched_surfaces.fingertips_on_palm(geometry, rng, missed=NOT_TOUCHED)
+
+
+def _in_the_air(geometry: HandGeometry, rng: np.random.Generator) -> Performance:
+    """Every fingertip somewhere above the table."""
+    lifted = {f: float(rng.uniform(0.0, NOT_TOUCHED)) for f in FINGERS}
+    return touched_surfaces.fingertips_on_table(geometry, rng, lifted)
+
+
+def _one_lifted(geometry: HandGeometry, rng: np.random.Generator) -> Performance:
+    return touched_surfaces.fingertips_on_table(geometry, rng, {"ring": NOT_TOUCHED})
+
+
+NOT_TOUCHED = 0.04  # m
+KINDS = (_fingertips, touched_surfaces.fingertips_on_table, touched_surfaces.fingertips_on_palm)
+CONTACTS: Mapping[str, Sequence[Callable[[HandGeometry, np.random.Generator], Performance]]] = {
+    "": (),
+    "thumb on fingertips": KINDS[:1],
+    "table": KINDS[1:2],
+    "palm": KINDS[2:],
+    "all contacts": KINDS,
+    "all contacts missed": (_fingertips_missed, _in_the_air, _palm_missed),
+    "table, one finger lifted": (_one_lifted,),
+}
 CASES = {
-    "m2": ("m2", False, False),
-    "ekf": ("ekf", False, False),
-    "ekf, contacts": ("ekf", False, True),
-    "ekf, measured": ("ekf", True, False),
-    "ekf, measured and contacts": ("ekf", True, True),
+    "m2": Case("m2"),
+    "ekf": Case("ekf"),
+    **{f"ekf, {name}": Case("ekf", contacts=name) for name in CONTACTS if name},
+    "ekf, measured": Case("ekf", True),
+    "ekf, measured and thumb on fingertips": Case("ekf", True, "thumb on fingertips"),
+    "ekf, measured and all contacts": Case("ekf", True, "all contacts"),
 }
 MEASURED = ("index_mcp", "middle_mcp", "ring_mcp", "little_mcp", "wrist")
 MEASURED_SD = 0.7  # deg
@@ -56,18 +103,16 @@ def trials(wanted: Wanted) -> Sequence[Trial]:
 def measure(trial: Trial) -> Mapping[str, float]:
     """Errors of the moved fingers by pose and case: tips in cm, angles in deg, NEES of both where the method tells standard deviations."""
     found: dict[str, float] = {}
-    for pose in POSES:
-        made = {touched: _performed(trial, pose, touched) for touched in (False, True)}
-        known = {
-            touched: _with_measured_angles(plain, np.random.default_rng([77, trial.seed]))
-            for touched, plain in made.items()
-        }
-        for case, (name, measured, touched) in CASES.items():
-            method = METHODS[name]
-            recording = (known if measured else made)[touched]
+    for pose, contacts in product(POSES, CONTACTS):
+        plain = _performed(trial, pose, contacts)
+        known = _with_measured_angles(plain, np.random.default_rng([77, trial.seed]))
+        for name, case in CASES.items():
+            if case.contacts != contacts:
+                continue
+            method, recording = METHODS[case.method], known if case.measured else plain
             moved = process(method, method.Params(), recording).trajectory
             estimate, truth = at_the_truths_instants(recording, moved)
-            found |= _errors(f"{pose:g} deg, {case}", estimate, truth, trial)
+            found |= _errors(f"{pose:g} deg, {name}", estimate, truth, trial)
     return found
 
 
@@ -92,19 +137,21 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, float]]]
     return Finding("missed-pose", "What an inexact pose costs", setting, (table,))
 
 
-def _performed(trial: Trial, pose: float, touched: bool) -> Simulated:
-    """The trial, by somebody who also holds the thumb's tip on each fingertip after the pose."""
+def _performed(trial: Trial, pose: float, contacts: str) -> Simulated:
+    """The trial, by somebody who also touches what CONTACTS names after the pose."""
     person = PersonErrors(pose_deg=pose, distribution="normal")
-    return performed_by(trial, person, SensorErrors(), with_contacts if touched else None)
+    return performed_by(
+        trial, person, SensorErrors(), lambda experiment: with_contacts(experiment, contacts)
+    )
 
 
-def with_contacts(experiment: Experiment) -> Experiment:
-    """The experiment with the thumb's tip held on each fingertip between the pose and the rest; random numbers of the rest stay as they were."""
+def with_contacts(experiment: Experiment, contacts: str = "thumb on fingertips") -> Experiment:
+    """The experiment with contacts held between the pose and the rest; random numbers of the rest stay as they were."""
 
     def perform(geometry: HandGeometry, rng: np.random.Generator) -> tuple[Performance, ...]:
         pose, *rest = experiment.perform(geometry, rng)
         places = np.random.default_rng([19, int(1e6 * geometry.lengths["index_middle"])])
-        return pose, touched_fingertips.touch_fingertips(geometry, places), *rest
+        return pose, *(touch(geometry, places) for touch in CONTACTS[contacts]), *rest
 
     return replace(experiment, perform=perform)
 

@@ -39,6 +39,7 @@ from handscope.estimators.simulation.movements import (
     static_hold,
     task_performance,
     touched_fingertips,
+    touched_surfaces,
 )
 from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.sensors import SensorErrors
@@ -67,14 +68,22 @@ HELD: Mapping[
         for task, perform in object_dynamics.TASKS.items()
     },
 }
-TOUCHES, EVERY, REACHING = (
-    "touch_fingertips",
-    4.5,
-    0.6,
-)  # s a finger, as its protocol beats; s there and back
+REACHING = 0.6  # s there and back
+
+
+def _touching(perform: Callable[..., Performance], every: float) -> Callable[..., Performance]:
+    """Contacts of `every` s each, as their protocol beats."""
+    return partial(perform, held=every - 2 * REACHING, between=REACHING)
+
+
+TOUCHES: Mapping[str, Callable[..., Performance]] = {
+    "touch_fingertips": _touching(touched_fingertips.touch_fingertips, 4.5),
+    "touch_table": _touching(touched_surfaces.fingertips_on_table, 6.0),
+    "touch_palm": _touching(touched_surfaces.fingertips_on_palm, 4.5),
+}
 FREE, BEYOND = "free_movement", 5.0  # s that a person goes on beyond what is asked for
 UNDERSTOOD = frozenset(
-    {*task_performance.TASKS, *functional_calibration.STEPS, *HELD, FREE, TOUCHES}
+    {*task_performance.TASKS, *functional_calibration.STEPS, *HELD, FREE, *TOUCHES}
 )
 
 
@@ -376,11 +385,8 @@ def _performance(
         return task_performance.initial_pose(geometry, HOLD), BRIDGE
     if task in HELD:
         return HELD[task](geometry, rng, 0.0), max(BRIDGE, float(details.get("lead", 0.0)) - FRAME)
-    if task == TOUCHES:
-        touching = touched_fingertips.touch_fingertips(
-            geometry, rng, held=EVERY - 2 * REACHING, between=REACHING
-        )
-        return touching, max(BRIDGE, float(details.get("lead", 0.0)))
+    if task in TOUCHES:
+        return TOUCHES[task](geometry, rng), max(BRIDGE, float(details.get("lead", 0.0)))
     if task == FREE:
         begins = max(BRIDGE, float(details.get("lead", 0.0)) - FRAME)
         return guided_movements.free(

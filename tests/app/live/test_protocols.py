@@ -26,7 +26,9 @@ from handscope.app.protocols import (
 )
 from handscope.app.server import create_app
 from handscope.app.settings import Settings
-from handscope.estimators.data.held_contact import parse_contacts
+from handscope.estimators.data.events import Event
+from handscope.estimators.data.fingertip_contacts import palm_mark
+from handscope.estimators.data.held_contact import held_contacts, parse_contacts
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import DOF_NAMES, FINGERS, HANDS, IS_DOF, JOINT, LIMITS
 from handscope.estimators.hand.geometry import sized
@@ -38,6 +40,7 @@ from handscope.estimators.simulation.motion import COORDINATES
 from handscope.estimators.simulation.movements import task_performance
 from handscope.estimators.simulation.movements.assessment_tasks import RANGES
 from handscope.estimators.simulation.movements.grasp_postures import Hold, contact_offset
+from handscope.estimators.simulation.movements.touched_surfaces import lowest_point
 from handscope.estimators.simulation.sensors import IDEAL
 
 GOOD = {
@@ -58,6 +61,7 @@ GROUPS = [
     "range_of_motion_passive",
     "opposition",
     "repeated_movements",
+    "contacts",
     "independence",
     "pinch",
     "selfcheck",
@@ -72,7 +76,7 @@ IN_TIME = [p for p in ALL.values() if p.cue in task_performance.IN_STEP]
 
 
 def test_every_file_of_the_folder_is_a_task_with_a_name_of_its_own() -> None:
-    assert len(ALL) == len(list(Path(protocols.__file__).parent.glob("*.json"))) == 61
+    assert len(ALL) == len(list(Path(protocols.__file__).parent.glob("*.json"))) == 63
     assert read()[1] == []
     assert len({p.order for p in ALL.values()}) == len({p.title for p in ALL.values()}) == len(ALL)
     for p in ALL.values():
@@ -375,6 +379,33 @@ def test_the_virtual_patient_holds_each_fingertip_while_its_contact_lasts() -> N
         apart = np.linalg.norm(contact_offset(person.doing(t), hold, geometry), axis=1)
         assert apart.max() < 0.02
         assert np.ptp(apart) < 1e-4
+
+
+@pytest.mark.parametrize("task", ["touch_table", "touch_palm"])
+def test_the_virtual_patient_holds_table_and_palm_while_their_contacts_last(task: str) -> None:
+    """Fingertips lie in one plane, or a tip within millimetres of its mark, and nothing moves."""
+    geometry, p = sized("left"), ALL[task]
+    person = SimulatedPerson(
+        "left", geometry, layout(FINGERS, 100.0), np.random.default_rng(2), IDEAL
+    )
+    assert person.cue(p.cue, {"lead": f"{p.countdown:g}"}, 2.0)
+    begin = 2.0 + p.countdown
+    marks = p.marks(begin, begin + p.period)
+    assert len(marks) == len(p.cycle)
+    for start, phase, _ in marks:
+        t = np.array([start + CLOSING, start + phase.seconds - LEAVING - 0.3])
+        (held,) = held_contacts([Event(t[0], 1.0, "contact", {"contacts": phase.contacts})])
+        x = person.doing(t)
+        np.testing.assert_allclose(x[0], x[1], atol=1e-9)
+        up = np.array([1.0, 0.0, 0.0])  # of a left hand
+        if held.on_table:
+            heights = [lowest_point(x[0], geometry, f, -up)[0] for f in held.fingers]
+            assert len(heights) == 5
+            assert np.ptp(heights) < 0.012
+        else:
+            (finger,), (_, below) = held.fingers, held.contacts[0].b
+            mark = geometry.joint_positions[f"{below}_mcp"] + palm_mark(geometry)
+            assert np.linalg.norm(lowest_point(x[0], geometry, finger, up) - mark) < 0.02
 
 
 @pytest.mark.parametrize("one", languages().values(), ids=lambda one: one.code)

@@ -312,6 +312,6 @@ def test_fingertips_that_were_held_together_are_contacts_of_the_recording(
     assert not [e for e in events if e.trial_type == "contact"]
     reviewed(station, "touch_fingertips", Action.ACCEPT, onset=30.0, end=48.0)
     held = held_contacts(events)
-    assert [h.contact.b[0] for h in held] == ["index", "middle", "ring", "little"]
+    assert [h.contacts[0].b[0] for h in held] == ["index", "middle", "ring", "little"]
     assert [round(h.onset, 6) for h in held] == [32.0, 36.5, 41.0, 45.5]
     assert [round(h.end, 6) for h in held] == [34.2, 38.7, 43.2, 47.7]

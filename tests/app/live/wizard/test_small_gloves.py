@@ -30,7 +30,7 @@ TASKS = {
     | {"tremor_rest", "tremor_posture", "pronation_supination", "rom_forearm", "prom_forearm"}
     | {"circular_pointing", "powerglove_10_index_fast", "powerglove_14_index_sideways"}
     | {f"powerglove_{name}" for name in ("01_index_mcp", "02_index_pip_dip", "03_index_all")}
-    | {"powerglove_13_open_close", "powerglove_15_index_circles"},
+    | {"powerglove_13_open_close", "powerglove_15_index_circles", "touch_palm"},
     "hand and forearm": {
         *("tremor_rest", "tremor_posture", "pronation_supination", "rom_forearm", "prom_forearm"),
         *("rom_wrist", "rom_wrist_flexion", "rom_wrist_deviation"),
