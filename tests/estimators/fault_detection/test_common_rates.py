@@ -7,7 +7,13 @@ from handscope.estimators.data.samples import GYR, Block
 from handscope.estimators.fault_detection.neighbours.check_neighbours import prepare_pairs
 from handscope.estimators.fault_detection.neighbours.rates import rate_tests
 from handscope.estimators.fault_detection.neighbours.rates.common_rates import CommonRates
-from handscope.estimators.fault_detection.neighbours.rates.kernels import SIZE, fit_rates
+from handscope.estimators.fault_detection.neighbours.rates.kernels import (
+    SIZE,
+    cosine,
+    fit_rates,
+    leave_rates,
+    sine,
+)
 from handscope.estimators.hand.anatomy import CHAINS
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.numerics import quaternions as quat
@@ -50,6 +56,24 @@ def _left(a: Array, b: Array, has_abduction: bool) -> Array:
 @pytest.mark.parametrize("tilt_deg", [0.0, 12.0])
 def test_nothing_is_left_of_a_hinge_whose_sensor_is_tilted(tilt_deg: float) -> None:
     assert _left(*_rates_at_a_joint(0.0, tilt_deg), has_abduction=False).max() < 0.5
+
+
+@pytest.mark.parametrize("abduction", [0.0, 0.3])
+def test_no_more_is_left_at_the_unknowns_of_a_fit_than_the_fit_leaves(abduction: float) -> None:
+    a, b = _rates_at_a_joint(abduction, tilt_deg=5.0)
+    weight, has_abduction = np.full(len(a), 0.01**-2), abduction > 0
+    x, rest = fit_rates(a, b, weight, M, DT, has_abduction, np.zeros(SIZE), PRIOR, 20)
+    left = leave_rates(a, b, weight, M, DT, has_abduction, x)
+    assert (left < rest + 0.01).all()
+    assert (
+        _left(a, b, has_abduction).sum()
+        < leave_rates(a, b, weight, M, DT, has_abduction, 0 * x).sum()
+    )
+
+
+@pytest.mark.parametrize("x", [0.0, 1e-6, 0.1, -0.4, 1.0, -3.0])
+def test_sine_and_cosine_of_a_walk_are_those_of_the_library(x: float) -> None:
+    np.testing.assert_allclose([sine(x), cosine(x)], [np.sin(x), np.cos(x)], atol=1e-11)
 
 
 def test_nothing_is_left_of_a_joint_that_abducts() -> None:

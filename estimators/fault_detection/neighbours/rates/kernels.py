@@ -25,7 +25,29 @@ DAMPING, CUT, RAISED = (
     10.0,
 )  # of the first step, times it after one that helped, after one that did not
 ENOUGH = 1e-3  # share of the misfit that a step has to gain
-INNER = 3
+INNER, ALONE = (
+    3,
+    12,
+)  # steps of the angles at the beginning of a window, in each pass and where nothing else is fitted
+SETTLED = 1e-4  # share of a window's misfit that another step has to gain
+# series of sine and cosine
+S3, S5, S7, S9, S11, S13 = (
+    -1.0 / 6,
+    1.0 / 120,
+    -1.0 / 5040,
+    1.0 / 362880,
+    -1.0 / 39916800,
+    1.0 / 6227020800,
+)
+C2, C4, C6, C8, C10, C12, C14 = (
+    -0.5,
+    1.0 / 24,
+    -1.0 / 720,
+    1.0 / 40320,
+    -1.0 / 3628800,
+    1.0 / 479001600,
+    -1.0 / 87178291200,
+)
 
 
 @inlined
@@ -38,59 +60,140 @@ def corrected(w: Array, dr: float, di: float, br: float, bi: float, out: Array) 
 
 
 @inlined
-def begin_hinge(
-    wa: Array, wb: Array, weight: Array, first: int, m: int, dt: float, x: Array
-) -> float:
+def correct_window(wa: Array, wb: Array, first: int, x: Array, a: Array, b: Array) -> None:
+    """Rates (m, 3) of parent and child in a window, their tilts and biases taken away."""
+    for j in range(len(a)):
+        corrected(wb[first + j], x[0], x[1], x[2], x[3], b[j])
+        corrected(wa[first + j], x[4], x[5], x[6], x[7], a[j])
+
+
+@inlined
+def sine(x: float) -> float:
+    """To 1e-12 up to 1 rad: calls of the library would take most of a walk."""
+    if abs(x) > 1.0:
+        return math.sin(x)
+    s = x * x
+    return x * (1.0 + s * (S3 + s * (S5 + s * (S7 + s * (S9 + s * (S11 + s * S13))))))
+
+
+@inlined
+def cosine(x: float) -> float:
+    """The same."""
+    if abs(x) > 1.0:
+        return math.cos(x)
+    s = x * x
+    return 1.0 + s * (C2 + s * (C4 + s * (C6 + s * (C8 + s * (C10 + s * (C12 + s * C14))))))
+
+
+@inlined
+def begin_hinge(a: Array, b: Array, weight: Array, first: int, dt: float) -> float:
     """Angle at which a window best begins."""
-    a, b = np.empty(3), np.empty(3)
-    angle, re, im = 0.0, 0.0, 0.0
-    for j in range(m):
-        i = first + j
-        corrected(wb[i], x[0], x[1], x[2], x[3], b)
-        corrected(wa[i], x[4], x[5], x[6], x[7], a)
-        turn = dt * (b[2] - a[2])
-        middle = angle + 0.5 * turn
-        angle += turn
-        if weight[i] > 0.0:
-            c, s = math.cos(middle), math.sin(middle)
-            pr, pi = c * a[0] + s * a[1], c * a[1] - s * a[0]
-            re += weight[i] * (pr * b[0] + pi * b[1])
-            im += weight[i] * (pr * b[1] - pi * b[0])
+    c, s, re, im = 1.0, 0.0, 0.0, 0.0
+    for j in range(len(a)):
+        half = 0.5 * dt * (b[j, 2] - a[j, 2])
+        ch, sh = cosine(half), sine(half)
+        c, s = c * ch - s * sh, s * ch + c * sh
+        w = weight[first + j]
+        if w > 0.0:
+            pr, pi = c * a[j, 0] + s * a[j, 1], c * a[j, 1] - s * a[j, 0]
+            re += w * (pr * b[j, 0] + pi * b[j, 1])
+            im += w * (pr * b[j, 1] - pi * b[j, 0])
+        c, s = c * ch - s * sh, s * ch + c * sh
     return math.atan2(im, re)
+
+
+@inlined
+def walk_begin(
+    a: Array, b: Array, weight: Array, first: int, dt: float, begin: Array, sums: Array
+) -> float:
+    """Sum of squares of a window of a joint that abducts; sums (5,) of products of the derivatives by the angle and the abduction at its beginning, and of these with the residual."""
+    carried, abducted, total = 0.0, begin[1], 0.0
+    c, s = math.cos(begin[0]), -math.sin(begin[0])
+    a11, a12, a22, b1, b2 = 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(len(a)):
+        ca, sa = cosine(abducted), sine(abducted)
+        half = 0.5 * dt * (b[j, 2] / ca - a[j, 2] + sa / ca * (c * a[j, 1] - s * a[j, 0]))
+        ch, sh = cosine(half), sine(half)
+        c, s = c * ch - s * sh, s * ch + c * sh
+        pr, pi = c * a[j, 0] + s * a[j, 1], c * a[j, 1] - s * a[j, 0]
+        c, s = c * ch - s * sh, s * ch + c * sh
+        by_abduction = -b[j, 2] * ca - b[j, 1] * sa
+        by_angle = -pr + by_abduction * (carried + 0.5 * dt * pi)
+        left = b[j, 1] * ca - b[j, 2] * sa - pi
+        w = weight[first + j]
+        a11 += w * by_angle * by_angle
+        a12 += w * by_angle * by_abduction
+        a22 += w * by_abduction * by_abduction
+        b1 += w * by_angle * left
+        b2 += w * by_abduction * left
+        total += w * left * left
+        carried += dt * pi
+        abducted = min(max(abducted + dt * (b[j, 0] - pr), -1.0), 1.0)
+    sums[0], sums[1], sums[2], sums[3], sums[4] = a11, a12, a22, b1, b2
+    return total
+
+
+@inlined
+def settle_begin(
+    a: Array,
+    b: Array,
+    weight: Array,
+    first: int,
+    dt: float,
+    begin: Array,
+    sums: Array,
+    steps: int,
+) -> float:
+    """Sum of squares of a window of a joint that abducts; angle and abduction (in place) at which it best begins, near those given."""
+    square = walk_begin(a, b, weight, first, dt, begin, sums)
+    for _ in range(steps):
+        a11, a12, a22 = sums[0] + 1e-9, sums[1], sums[2] + ABDUCTED**-2
+        b1, b2 = sums[3], sums[4] + begin[1] * ABDUCTED**-2
+        det = a11 * a22 - a12 * a12
+        d0 = (b1 * a22 - b2 * a12) / det
+        d1 = (b2 * a11 - b1 * a12) / det
+        if b1 * d0 + b2 * d1 < SETTLED * square:
+            break
+        before0, before1 = begin[0], begin[1]
+        begin[0] -= min(max(d0, -1.0), 1.0)
+        begin[1] = min(max(begin[1] - d1, -0.6), 0.6)
+        after = walk_begin(a, b, weight, first, dt, begin, sums)
+        if after > square:
+            begin[0], begin[1] = before0, before1
+            break
+        square = after
+    return float(square)
 
 
 @inlined
 def walk_window(
     wa: Array,
     wb: Array,
+    a: Array,
+    b: Array,
     weight: Array,
     first: int,
-    m: int,
     dt: float,
-    x: Array,
     begin: Array,
     has_abduction: bool,
     out: Array,
 ) -> float:
-    """Sum of squares of a window; out (11, 11): of products of the derivatives by x, by the angle and the abduction at its beginning, and of the residual."""
-    a, b, ia, ib = np.empty(3), np.empty(3), np.zeros(2), np.zeros(2)
-    d, e = np.empty(SIZE + 3), np.empty(SIZE + 3)
+    """Sum of squares of a window; out (11, 11), lower half: of products of the derivatives by the unknowns, by the angle and the abduction at its beginning, and of the residual."""
+    ia, ib = np.zeros(2), np.zeros(2)
+    d, e = np.zeros(SIZE + 3), np.zeros(SIZE + 3)
     carried = np.zeros(SIZE + 1)  # derivatives of abduction
     clear(out)
-    angle, abducted = -begin[0], begin[1]
-    for j in range(m):
+    abducted = begin[1]
+    c, s = math.cos(begin[0]), -math.sin(begin[0])
+    for j in range(len(a)):
         i = first + j
-        corrected(wb[i], x[0], x[1], x[2], x[3], b)
-        corrected(wa[i], x[4], x[5], x[6], x[7], a)
-        ca, sa = math.cos(abducted), math.sin(abducted)
-        turn = dt * (b[2] - a[2])
+        ca, sa = cosine(abducted), sine(abducted)
+        turn = dt * (b[j, 2] - a[j, 2])
         if has_abduction:
-            c, s = math.cos(angle), math.sin(angle)
-            turn = dt * (b[2] / ca - a[2] + sa / ca * (c * a[1] - s * a[0]))
-        middle = angle + 0.5 * turn
-        angle += turn
-        c, s = math.cos(middle), math.sin(middle)
-        pr, pi = c * a[0] + s * a[1], c * a[1] - s * a[0]
+            turn = dt * (b[j, 2] / ca - a[j, 2] + sa / ca * (c * a[j, 1] - s * a[j, 0]))
+        ch, sh = cosine(0.5 * turn), sine(0.5 * turn)
+        c, s = c * ch - s * sh, s * ch + c * sh
+        pr, pi = c * a[j, 0] + s * a[j, 1], c * a[j, 1] - s * a[j, 0]
         for k in range(2):
             ia[k] += 0.5 * dt * wa[i, k]
             ib[k] += 0.5 * dt * wb[i, k]
@@ -106,26 +209,76 @@ def walk_window(
             d[7], e[7] = -s, -c
             d[8], e[8] = pi, -pr
             d[9], e[9] = 0.0, 0.0
-            d[10], e[10] = b[0] - pr, b[1] - pi
+            d[10], e[10] = b[j, 0] - pr, b[j, 1] - pi
             if has_abduction:
-                e[9] = -b[2] * ca - b[1] * sa
-                e[10] = b[1] * ca - b[2] * sa - pi
+                e[9] = -b[j, 2] * ca - b[j, 1] * sa
+                e[10] = b[j, 1] * ca - b[j, 2] * sa - pi
                 for p in range(SIZE + 1):
                     e[p] += e[9] * (carried[p] + 0.5 * dt * d[p])
                     carried[p] += dt * d[p]
             for p in range(SIZE + 3):
+                own = weight[i] * e[p]
                 for q in range(p + 1):
-                    product = e[p] * e[q]
-                    if not has_abduction:
-                        product += d[p] * d[q]
-                    out[p, q] += weight[i] * product
+                    out[p, q] += own * e[q]
+            if not has_abduction:
+                for p in range(SIZE + 3):
+                    own = weight[i] * d[p]
+                    for q in range(p + 1):
+                        out[p, q] += own * d[q]
         if has_abduction:
-            abducted += dt * (b[0] - pr)
-            abducted = min(max(abducted, -1.0), 1.0)
+            abducted = min(max(abducted + dt * (b[j, 0] - pr), -1.0), 1.0)
+        c, s = c * ch - s * sh, s * ch + c * sh
         for k in range(2):
             ia[k] += 0.5 * dt * wa[i, k]
             ib[k] += 0.5 * dt * wb[i, k]
     return float(out[SIZE + 2, SIZE + 2])
+
+
+@inlined
+def walk_hinge(a: Array, b: Array, weight: Array, first: int, dt: float, angle: float) -> float:
+    """Sum of squares of a window of a hinge."""
+    c, s, total = math.cos(angle), -math.sin(angle), 0.0
+    for j in range(len(a)):
+        half = 0.5 * dt * (b[j, 2] - a[j, 2])
+        ch, sh = cosine(half), sine(half)
+        c, s = c * ch - s * sh, s * ch + c * sh
+        re, im = b[j, 0] - c * a[j, 0] - s * a[j, 1], b[j, 1] - c * a[j, 1] + s * a[j, 0]
+        total += weight[first + j] * (re * re + im * im)
+        c, s = c * ch - s * sh, s * ch + c * sh
+    return total
+
+
+@inlined
+def count_samples(weight: Array, m: int, has_abduction: bool, count: Array) -> None:
+    """Components (K,) with a weight in each window of m samples; 0 where a window misses too many."""
+    for k in range(len(count)):
+        count[k] = 0.0
+        for i in range(k * m, k * m + m):
+            if weight[i] > 0.0:
+                count[k] += 1.0 if has_abduction else 2.0
+        if count[k] < m * 0.7:
+            count[k] = 0.0
+
+
+@looped
+def leave_rates(
+    wa: Array, wb: Array, weight: Array, m: int, dt: float, has_abduction: bool, x: Array
+) -> Array:
+    """Mean squares (K,) that are left over at given unknowns, in variances, as `fit_rates` has them at the best."""
+    K = len(weight) // m
+    a, b, sums = np.empty((m, 3)), np.empty((m, 3)), np.empty(5)
+    begin, count, rest = np.zeros(2), np.zeros(K), np.full(K, np.nan)
+    count_samples(weight, m, has_abduction, count)
+    for k in range(K):
+        if count[k] > 0.0:
+            correct_window(wa, wb, k * m, x, a, b)
+            begin[0], begin[1] = begin_hinge(a, b, weight, k * m, dt), 0.0
+            if has_abduction:
+                square = settle_begin(a, b, weight, k * m, dt, begin, sums, ALONE)
+            else:
+                square = walk_hinge(a, b, weight, k * m, dt, begin[0])
+            rest[k] = square / count[k]
+    return rest
 
 
 @inlined
@@ -160,10 +313,8 @@ def fit_rates(
     rest, best = np.zeros(K), np.zeros(K)
     begin, kept = np.zeros((K, 2)), np.zeros((K, 2))
     out, count = np.empty((SIZE + 3, SIZE + 3)), np.zeros(K)
-    for k in range(K):
-        for i in range(k * m, k * m + m):
-            if weight[i] > 0.0:
-                count[k] += 1.0 if has_abduction else 2.0
+    a, b, sums = np.empty((m, 3)), np.empty((m, 3)), np.empty(5)
+    count_samples(weight, m, has_abduction, count)
     least = np.inf
     for turn in range(passes):
         N, g = np.zeros((SIZE, SIZE)), np.zeros(SIZE)
@@ -173,34 +324,16 @@ def fit_rates(
             N[p, p], g[p] = prior[p], prior[p] * tried[p]
         for k in range(K):
             rest[k] = np.nan
-            if count[k] < m * 0.7:
+            if count[k] == 0.0:
                 continue
             here = begin[k]
+            correct_window(wa, wb, k * m, tried, a, b)
             if not has_abduction or turn == 0:
-                here[0] = begin_hinge(wa, wb, weight, k * m, m, dt, tried)
-            square = walk_window(wa, wb, weight, k * m, m, dt, tried, here, has_abduction, out)
+                here[0] = begin_hinge(a, b, weight, k * m, dt)
             if has_abduction:
-                for _ in range(INNER):
-                    a11, a12 = out[SIZE, SIZE] + 1e-9, out[SIZE + 1, SIZE]
-                    a22 = out[SIZE + 1, SIZE + 1] + ABDUCTED**-2
-                    b1 = out[SIZE + 2, SIZE]
-                    b2 = out[SIZE + 2, SIZE + 1] + here[1] * ABDUCTED**-2
-                    det = a11 * a22 - a12 * a12
-                    d0 = (b1 * a22 - b2 * a12) / det
-                    d1 = (b2 * a11 - b1 * a12) / det
-                    before0, before1 = here[0], here[1]
-                    here[0] -= min(max(d0, -1.0), 1.0)
-                    here[1] = min(max(here[1] - d1, -0.6), 0.6)
-                    after = walk_window(
-                        wa, wb, weight, k * m, m, dt, tried, here, has_abduction, out
-                    )
-                    if after > square:
-                        here[0], here[1] = before0, before1
-                        square = walk_window(
-                            wa, wb, weight, k * m, m, dt, tried, here, has_abduction, out
-                        )
-                        break
-                    square = after
+                settle_begin(a, b, weight, k * m, dt, here, sums, INNER)
+            square = walk_window(wa, wb, a, b, weight, k * m, dt, here, has_abduction, out)
+            if has_abduction:
                 project_out(out, SIZE + 1, ABDUCTED**-2)
             project_out(out, SIZE, 1e-9)
             rest[k] = square / count[k]
