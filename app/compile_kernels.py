@@ -2,7 +2,7 @@
 
 Row kernels are compiled without being run, loops when they first run on a machine (numerics/jit.py): each of them runs
 here on some seconds of simulated movement. The code is cached; where several processes do the same at once, each
-waits for the other (numerics/translation_lock.py).
+waits for the other (numerics/translation/translation_lock.py).
 """
 
 import sys

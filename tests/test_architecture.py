@@ -18,7 +18,7 @@ ROOMS = (
 NUMERICS = {"numba", "numpy", "scipy", "filterpy", "vqf"}
 MACHINE = {
     "optional_imports": {"importlib", "sys"},
-    "translation_lock": {"os", "pathlib", "pathlib.Path", "threading"},
+    "translation.translation_lock": {"os", "pathlib", "pathlib.Path", "threading"},
 }  # of the estimators' numerics, what looks after numba
 IMPURE = {
     *("time", "datetime", "calendar", "sched"),  # a clock

@@ -14,7 +14,7 @@ from pathlib import Path
 import numba
 
 from handscope import estimators
-from handscope.estimators.numerics.translation_lock import kept_in
+from handscope.estimators.numerics.translation.translation_lock import kept_in
 
 COMMAND = (sys.executable, "-P", "-m", "handscope.app.compile_kernels", "--behind")
 FILE = "translated"

@@ -4,6 +4,7 @@ import importlib
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import ModuleType
 from typing import Any
 
 
@@ -19,6 +20,27 @@ def hidden(*names: str) -> Iterator[None]:
     finally:
         for name in absent:
             modules.pop(name, None)
+
+
+@contextmanager
+def not_by_star(package: ModuleType, *names: str) -> Iterator[None]:
+    """Meanwhile `from package import *`, `dir` with `hasattr`, and an attribute do not import these submodules, which
+    the package imports when it is first asked for them; importing one by its name does."""
+    module: Any = package
+    listed, ask = module.__all__, module.__getattr__
+    absent = [name for name in names if name not in vars(package)]
+
+    def ask_for_others(name: str) -> Any:
+        if name in absent:
+            raise AttributeError(name)
+        return ask(name)
+
+    module.__all__ = [name for name in listed if name not in absent]
+    module.__getattr__ = ask_for_others
+    try:
+        yield
+    finally:
+        module.__all__, module.__getattr__ = listed, ask
 
 
 def system_module(name: str) -> Any:

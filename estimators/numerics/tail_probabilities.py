@@ -10,9 +10,13 @@ Limits  negative values of chi-squared and F, which rounding makes, count as zer
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtrc, fdtrc, ndtr, stdtr
 
+from handscope.estimators.numerics.optional_imports import not_by_star
 from handscope.estimators.numerics.typing import Array
+
+# 0.05 s of every start: scipy copies all names of numpy, and so would import what translates Fortran, tests and masks
+with not_by_star(np, "char", "core", "ctypeslib", "f2py", "ma", "rec", "strings", "testing"):
+    from scipy.special import chdtrc, fdtrc, ndtr, stdtr
 
 
 def normal_sf(x: Any) -> Array:

@@ -1,0 +1,1 @@
+"""Translating kernels to machine code, and keeping it."""
