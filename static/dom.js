@@ -29,6 +29,11 @@ export function s(tag, attributes = {}, ...children) {
   return element;
 }
 
+/** The text of an element; one that stands there already is not laid out anew. */
+export function write(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
 /** Draws again only when what `select` picks is another than before: what a person is about to press stays in place. */
 export function whenChanged(select, draw) {
   let before = Symbol("nothing yet");

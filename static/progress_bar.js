@@ -12,7 +12,7 @@ export function progressBar(label, stop = null, stopWords = "") {
       const percent = Math.round(100 * share);
       if (bar.getAttribute("aria-valuenow") !== String(percent)) {
         bar.setAttribute("aria-valuenow", percent);
-        fill.style.width = `${percent}%`;
+        fill.style.transform = `scaleX(${percent / 100})`; // moved, not laid out anew
       }
       if (words.textContent !== text) words.textContent = text;
       if (button) button.hidden = !stoppable;

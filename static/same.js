@@ -8,6 +8,22 @@ export function isSame(one, other) {
   return names.every((name) => Object.hasOwn(other, name) && isSame(one[name], other[name]));
 }
 
+/** `full` with other parts at some paths of keys, [[path, value], ...]; `full` itself stays, and shares what is on none of the paths. */
+export function withChanges(full, changes) {
+  const root = { full };
+  const own = new Set([root]); // may be written into
+  for (const [path, value] of changes) {
+    let at = root;
+    let key = "full";
+    for (const next of path) {
+      if (!own.has(at[key])) own.add((at[key] = { ...at[key] }));
+      [at, key] = [at[key], next];
+    }
+    at[key] = value;
+  }
+  return root.full;
+}
+
 /** `now`, in which every part that is as in `before` is the very object of before: who compares two such values later is done at once. */
 export function sharing(before, now) {
   if (Object.is(before, now)) return now;

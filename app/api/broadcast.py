@@ -48,6 +48,11 @@ class StationBroadcast:
             0.0,
         )  # its key, text, newest point
         self._snapshot: tuple[int | None, str] = (None, "")  # number of the snapshot, as text
+        self._plain: tuple[int | None, Any] = (
+            None,
+            None,
+        )  # the same for one whose changes were asked for
+        self._changes: tuple[tuple[int, int] | None, str] = (None, "")  # from and to which
 
     @contextmanager
     def news(self, station: AnyStation) -> Iterator[asyncio.Event]:
@@ -82,6 +87,18 @@ class StationBroadcast:
             self._snapshot = (number, _to_json_text(localised_snapshot(payload, language)))
         return number, self._snapshot[1]
 
+    def changes(
+        self, station: AnyStation, language: Language, seen: int | None
+    ) -> tuple[int, str | None]:
+        """The newest snapshot's number and what changed in it since the one of number `seen`, as `changed` has it; None where that is not known any more."""
+        before = self._plain
+        number, text = self.snapshot(station, language)
+        if before[0] != number:
+            self._plain = number, orjson.loads(text)
+            step = None if before[0] is None else (before[0], number)
+            self._changes = step, _to_json_text(changed(before[1], self._plain[1])) if step else ""
+        return number, self._changes[1] if self._changes[0] == (seen, number) else None
+
     def _request_wake(self, loop: asyncio.AbstractEventLoop) -> None:
         """From any thread: wake the loop once, however many watch."""
         if not self._is_waking:
@@ -104,6 +121,15 @@ class Broadcasts:
         return self._all.setdefault(station, {}).setdefault(language.code, StationBroadcast())
 
 
+def changed(before: Any, now: Any, path: tuple[str, ...] = ()) -> list[tuple[tuple[str, ...], Any]]:
+    """What differs in plain data: the path of keys to each part that is another, and what stands there now. Lists are one part."""
+    if before == now:
+        return []
+    if not isinstance(before, dict) or not isinstance(now, dict) or before.keys() != now.keys():
+        return [(path, now)]
+    return [part for key in now for part in changed(before[key], now[key], (*path, key))]
+
+
 def localised_snapshot(snapshot: dict[str, Any], language: Language) -> dict[str, Any]:
     """A snapshot in a language."""
     localised: dict[str, Any] = language.translate_keys(snapshot, TRANSLATED_KEYS)
@@ -118,10 +144,10 @@ def localised_snapshot(snapshot: dict[str, Any], language: Language) -> dict[str
     return localised
 
 
-def time_to_next_pulse() -> float:
-    """Seconds to the next PULSE of the server's clock."""
-    return PULSE - time.monotonic() % PULSE
+def time_to_next_pulse(pulse: float = PULSE) -> float:
+    """Seconds to the next multiple of `pulse` on the server's clock."""
+    return pulse - time.monotonic() % pulse
 
 
-def _to_json_text(payload: dict[str, Any]) -> str:
+def _to_json_text(payload: Any) -> str:
     return orjson.dumps(payload, option=orjson.OPT_SERIALIZE_NUMPY).decode()

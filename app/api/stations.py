@@ -1,14 +1,19 @@
 """/api/stations: live sessions and replays as they run; /api/gloves: where gloves may be plugged in"""
 
 import asyncio
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, WebSocket
+from fastapi import APIRouter, Query, WebSocket
 from pydantic import Field
 from starlette.websockets import WebSocketDisconnect
 
 from handscope.app.api.answers import StationRow, answers
-from handscope.app.api.broadcast import localised_snapshot, time_to_next_pulse
+from handscope.app.api.broadcast import (
+    PULSE,
+    StationBroadcast,
+    localised_snapshot,
+    time_to_next_pulse,
+)
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
 from handscope.app.devices import ports
@@ -162,8 +167,17 @@ def localised_state(station: AnyStation, language: Language) -> dict[str, Any]:
 
 
 @router.websocket("/stations/{name}/live", dependencies=[WATCHERS])
-async def live(websocket: WebSocket, language: LanguageDep, name: str) -> None:
-    """JSON messages: {"full": snapshot} when there is a new one, {"pulse": newest pose and curve points} with every pose."""
+async def live(
+    websocket: WebSocket,
+    language: LanguageDep,
+    name: str,
+    rate: Annotated[float, Query(ge=1, le=1 / PULSE)] = 1 / PULSE,
+    changes: bool = False,
+) -> None:
+    """JSON messages: {"full": snapshot} when there is a new one, {"pulse": newest pose and curve points} with every pose, but at most `rate` a second.
+
+    With `changes` a snapshot after the first is sent as {"changes": [[path, value], ...]} where that is possible.
+    """
     await websocket.accept()
     try:
         station = station_of(websocket, name)
@@ -172,7 +186,7 @@ async def live(websocket: WebSocket, language: LanguageDep, name: str) -> None:
         return
     reader = asyncio.ensure_future(_until_gone(websocket))
     try:
-        await _send_live(websocket, station, language, reader)
+        await _send_live(websocket, station, language, reader, 1 / rate, changes)
     except (WebSocketDisconnect, RuntimeError):
         pass  # the viewer closed the page
     finally:
@@ -180,23 +194,43 @@ async def live(websocket: WebSocket, language: LanguageDep, name: str) -> None:
 
 
 async def _send_live(
-    websocket: WebSocket, station: AnyStation, language: Language, reader: "asyncio.Future[None]"
+    websocket: WebSocket,
+    station: AnyStation,
+    language: Language,
+    reader: "asyncio.Future[None]",
+    pulse_length: float,
+    only_changes: bool,
 ) -> None:
-    """Send each pose, at most one in each PULSE; a slow viewer misses poses, but no points of the curve."""
+    """Send each pose, at most one in each `pulse_length` s; a slow viewer misses poses, but no points of the curve."""
     broadcast = parts(websocket).broadcasts.of(station, language)
-    number, newest = None, -1e9
+    number, newest, snapshot = None, -1e9, ""
     with broadcast.news(station) as news:
         reader.add_done_callback(lambda _: news.set())
         while await news.wait() and not reader.done():
             news.clear()
             pulse, newest = broadcast.pulse(station, newest)
-            before, (number, full) = number, broadcast.snapshot(station, language)
-            whole = f',"full":{full}' if number != before else ""
-            await websocket.send_text(f'{{"pulse":{pulse}{whole}}}')
+            if only_changes:
+                number, snapshot = _changes(broadcast, station, language, number)
+            else:
+                before, (number, full) = number, broadcast.snapshot(station, language)
+                snapshot = f',"full":{full}' if number != before else ""
+            await websocket.send_text(f'{{"pulse":{pulse}{snapshot}}}')
             if station.ended:
                 await websocket.close(GONE, "the station was closed")
                 return
-            await asyncio.sleep(time_to_next_pulse())
+            await asyncio.sleep(time_to_next_pulse(pulse_length))
+
+
+def _changes(
+    broadcast: StationBroadcast, station: AnyStation, language: Language, seen: int | None
+) -> tuple[int, str]:
+    """The newest snapshot's number, and what of it a viewer who has seen the one of number `seen` has to be sent: nothing, what changed, or all."""
+    number, parts_changed = broadcast.changes(station, language, seen)
+    if number == seen:
+        return number, ""
+    if parts_changed is not None:
+        return number, f',"changes":{parts_changed}'
+    return number, f',"full":{broadcast.snapshot(station, language)[1]}'
 
 
 async def _until_gone(websocket: WebSocket) -> None:

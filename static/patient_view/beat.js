@@ -1,7 +1,7 @@
 /** The word of the metronome's phase, its lamp, and which movement it is. */
-import { h } from "../dom.js";
+import { h, write } from "../dom.js";
 import { makeOnset, placeAt } from "../station/metronome_time.js";
-import { t } from "../words/words.js";
+import { counted, t } from "../words/words.js";
 
 const FLASH = 0.15; // s that the lamp is bright
 
@@ -23,7 +23,7 @@ export function mount(root, api, { screen }) {
     lamp.hidden = !paced;
     const all = state.pace?.repetitions ?? 0;
     count.hidden = state.stage !== "run" || !(all || state.done);
-    if (!count.hidden && !paced) write(count, all ? t("metronome.count", { done: state.done, all }) : String(state.done));
+    if (!count.hidden && !paced) write(count, all ? t("metronome.count", { done: state.done, all }) : counted("movements", state.done));
     if (paced && state.stage === "run" && state.pace.elapsed !== null) zero = onset.addMessage(now(), state.pace.elapsed);
     if (paced) frame ||= requestAnimationFrame(draw);
   }
@@ -45,8 +45,4 @@ export function mount(root, api, { screen }) {
     leave();
     cancelAnimationFrame(frame);
   };
-}
-
-function write(element, text) {
-  if (element.textContent !== text) element.textContent = text;
 }

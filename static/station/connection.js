@@ -1,9 +1,10 @@
 /** What a station tells, as it happens, and what a person wants of it. The connection is made again whenever it is lost. */
-import { sharing } from "../same.js";
+import { sharing, withChanges } from "../same.js";
 import { language } from "../words/languages.js";
 
 const FIRST = 300; // ms until the first new try
 const MOST = 5000;
+const RATE = 20; // messages a second of a live session: each takes a part of the time that the scene has for a picture
 
 /** Hear with on("full" | "pulse" | "line" | "ended", listener); `line` is true while the connection stands. */
 export function follow(name, api) {
@@ -12,6 +13,7 @@ export function follow(name, api) {
   let socket = null;
   let latest = null;
   let newest = null;
+  let streamed = null; // the whole as the web socket had it last: what an action answers is not in its order
   let left = false;
   let wait = FIRST;
   let timer = 0;
@@ -24,14 +26,15 @@ export function follow(name, api) {
 
   function open() {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
-    socket = new WebSocket(`${scheme}://${location.host}/api/stations/${name}/live?language=${language}`);
+    const rate = latest.replay ? "" : `&rate=${RATE}`; // a replay's cursor moves with every message
+    socket = new WebSocket(`${scheme}://${location.host}/api/stations/${name}/live?language=${language}${rate}&changes=true`);
     socket.onopen = () => {
       wait = FIRST;
       tell("line", true);
     };
     socket.onmessage = ({ data }) => {
       const message = JSON.parse(data);
-      if (message.full) take(message.full);
+      if (message.full || message.changes) take((streamed = message.full ?? withChanges(streamed, message.changes)));
       newest = message.pulse;
       tell("pulse", newest);
     };

@@ -1,10 +1,11 @@
 /** The glove: strips found and missing, rate, losses, and whatever else needs attention, in plain words. */
-import { h, whenChanged } from "../dom.js";
+import { h, paced, whenChanged } from "../dom.js";
 import { stripWords } from "../words/clinical.js";
 import { decimal, t, whole } from "../words/words.js";
 
 const STRIPS = ["hand", "thumb", "index", "middle", "ring", "little", "forearm"];
 const BESIDE = ["trunk", "trunk_mag", "fingertips_force"]; // streams of other strips
+const PAUSE = 500; // ms: rates and counts are read, not watched
 const UNKNOWN_BATTERY = 255; // on USB power
 
 export function mount(root, api, { station }) {
@@ -69,7 +70,13 @@ export function mount(root, api, { station }) {
     ({ wizard }) => wizard.state === "connect",
     (connecting) => (box.open = connecting),
   );
-  const leave = [drawState, drawRows, drawLead, open].map((draw) => station.on("full", draw));
+  const draw = (full) => {
+    drawState(full);
+    drawLead(full);
+    if (box.open) drawRows(full);
+  };
+  box.addEventListener("toggle", () => draw(station.latest));
+  const leave = [open, paced(PAUSE, draw)].map((take) => station.on("full", take));
   return () => leave.forEach((stop) => stop());
 }
 

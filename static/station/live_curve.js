@@ -1,12 +1,11 @@
 /** The newest seconds of the quantity under test. */
-import { h, paced, whenChanged } from "../dom.js";
+import { h, whenChanged } from "../dom.js";
 import { makePlot } from "../plots/plot.js";
 import { curveWords, valueWords } from "../words/clinical.js";
 import { t } from "../words/words.js";
 
 const WINDOW = 15; // s shown
 const KEPT = 2000; // points
-const PAUSE = 50; // ms between two drawings: the curve moves by less than two pixels
 
 export function mount(root, api, { station }) {
   const name = h("h3", {});
@@ -47,7 +46,10 @@ export function mount(root, api, { station }) {
     if (pulse.points.length) drawLater();
   }
 
-  const drawLater = paced(PAUSE, () => (drawn ||= requestAnimationFrame(draw)));
+  /** Not in the picture in which the message was read, which has enough to do. */
+  function drawLater() {
+    drawn ||= requestAnimationFrame(() => (drawn = requestAnimationFrame(draw)));
+  }
 
   function draw() {
     drawn = 0;

@@ -1,5 +1,5 @@
 /** The metronome over the scene: a lamp that lights with each beat, the word of the phase, which movement it is, and a switch for sound. */
-import { h, lasting, whenChanged } from "../dom.js";
+import { h, lasting, whenChanged, write } from "../dom.js";
 import { beatAt, makeOnset, placeAt } from "./metronome_time.js";
 import { makeClicks } from "./clicks.js";
 import { t } from "../words/words.js";
@@ -82,8 +82,7 @@ export function mount(root, api, { station }) {
   }
 
   function drawCount(done, all = pace.repetitions) {
-    const words = t("metronome.count", { done, all });
-    if (count.textContent !== words) count.textContent = words;
+    write(count, t("metronome.count", { done, all }));
   }
 
   /** The light, with every picture of the screen while it beats. */
@@ -93,9 +92,9 @@ export function mount(root, api, { station }) {
     const place = zero === null || now() - zero < begins ? null : placeAt(pace, now() - zero);
     const coming = place ?? (zero === null ? null : placeAt(pace, begins)); // with what it begins, or goes on
     const phase = pace.cycle[coming?.phase ?? 0];
-    word.textContent = phase.say;
+    write(word, phase.say);
     word.classList.toggle("long", phase.say.length > LONG_WORD);
-    left.textContent = place && phase.seconds >= LONG ? String(Math.ceil(place.left)) : "";
+    write(left, place && phase.seconds >= LONG ? String(Math.ceil(place.left)) : "");
     lamp.classList.toggle("first", place?.phase === 0);
     lamp.classList.toggle("bright", place !== null && phase.seconds - place.left < FLASH);
     const before = place ? 1 : 0; // what is being done counts

@@ -5,8 +5,10 @@ import json
 from collections.abc import Callable
 from typing import Any
 
+import pytest
+
 from handscope.app import language
-from handscope.app.api.broadcast import StationBroadcast
+from handscope.app.api.broadcast import StationBroadcast, changed
 from handscope.app.live.viewers import Viewers
 
 ENGLISH = language.language("en")
@@ -17,6 +19,7 @@ class Told:
 
     def __init__(self) -> None:
         self.viewers, self.points, self.asked, self.number = Viewers(), [(0.0, 1.0)], 0, 1
+        self.more: dict[str, Any] = {}
 
     @property
     def changes(self) -> int:
@@ -31,7 +34,7 @@ class Told:
 
     def news(self) -> tuple[int, dict[str, Any]]:
         self.asked += 1
-        return self.number, {"title": "Finished"}
+        return self.number, {"title": "Finished", **self.more}
 
     def moved(self, t: float) -> None:
         self.points.append((t, 1.0))
@@ -61,6 +64,38 @@ def test_a_snapshot_is_written_again_when_there_is_another() -> None:
     assert broadcast.snapshot(station, ENGLISH) == (1, '{"title":"Finished"}')
     station.number = 2
     assert broadcast.snapshot(station, ENGLISH)[0] == 2
+
+
+def test_who_saw_the_snapshot_before_is_sent_what_changed_and_others_are_not() -> None:
+    station, broadcast = Told(), StationBroadcast()
+    assert broadcast.changes(station, ENGLISH, None) == (1, None)
+    station.number, station.more = 2, {"wizard": {"state": "tasks", "left": 2}}
+    assert broadcast.changes(station, ENGLISH, None) == (2, None)
+    station.number, station.more = 3, {"wizard": {"state": "tasks", "left": 1}}
+    number, written = broadcast.changes(station, ENGLISH, 2)
+    assert (number, json.loads(written or "")) == (3, [[["wizard", "left"], 1]])
+    assert broadcast.changes(station, ENGLISH, 1) == (3, None)
+    assert broadcast.changes(station, ENGLISH, 3) == (3, None)
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "parts"),
+    [
+        ({"a": {"b": 1, "c": [1]}}, {"a": {"b": 1, "c": [1]}}, []),
+        (
+            {"a": {"b": 1, "c": [1]}},
+            {"a": {"b": None, "c": [2]}},
+            [(("a", "b"), None), (("a", "c"), [2])],
+        ),
+        ({"a": {"b": 1}}, {"a": {"b": 1, "c": 2}}, [(("a",), {"b": 1, "c": 2})]),
+        ({"a": None}, {"a": {"b": 1}}, [(("a",), {"b": 1})]),
+        ({"a": 1}, {"b": 1}, [((), {"b": 1})]),
+    ],
+)
+def test_changes_name_the_smallest_parts_and_a_part_with_other_keys_as_a_whole(
+    before: Any, now: Any, parts: Any
+) -> None:
+    assert changed(before, now) == parts
 
 
 def test_every_viewer_is_woken_and_a_station_nobody_watches_is_left_alone() -> None:

@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser
 
+from handscope.app.api.broadcast import changed
 from tests.app.pages.test_metronome_in_browser import SITE, serve
 
 pytestmark = pytest.mark.browser
@@ -36,11 +37,15 @@ OTHERS: list[dict[str, Any]] = [
 
 
 def drawn(browser: Browser, select: str, messages: list[dict[str, Any]]) -> dict[str, Any]:
+    return evaluated(browser, DRAWN, [select, messages])
+
+
+def evaluated(browser: Browser, script: str, given: list[Any]) -> dict[str, Any]:
     context = browser.new_context()
     page = context.new_page()
     page.route(f"{SITE}/**", serve)
     page.goto(SITE)
-    found: dict[str, Any] = page.evaluate(DRAWN, [select, messages])
+    found: dict[str, Any] = page.evaluate(script, given)
     context.close()
     return found
 
@@ -52,6 +57,25 @@ def test_only_what_changed_is_drawn_again_and_the_rest_stays_the_same_object(
     found = drawn(browser, "message.kept", clocked)
     assert (len(found["drawn"]), found["looked"]) == (1, 0)
     assert len(drawn(browser, "[message.kept, message.clock]", clocked)["drawn"]) == 5
+
+
+CHANGED = """async ([full, changes]) => {
+  const { withChanges } = await import("/static/same.js");
+  const before = JSON.stringify(full);
+  const now = withChanges(full, changes);
+  return { now, kept: JSON.stringify(full) === before, shared: now.kept === full.kept };
+}"""
+
+
+@pytest.mark.parametrize("other", [*OTHERS, KEPT, None, [1]])
+def test_changes_put_into_the_whole_give_the_next_whole_and_leave_the_last_as_it_is(
+    browser: Browser, other: Any
+) -> None:
+    whole = {"kept": [1, 2], "a": {"b": KEPT, "c": 1}}
+    now = {"kept": [1, 2], "a": {"b": other, "c": 2}}
+    found = evaluated(browser, CHANGED, [whole, changed(whole, now)])
+    assert found == {"now": now, "kept": True, "shared": True}
+    assert evaluated(browser, CHANGED, [whole, changed(whole, {"b": 1})])["now"] == {"b": 1}
 
 
 def test_every_kind_of_change_is_seen(browser: Browser) -> None:
