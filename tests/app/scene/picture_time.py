@@ -16,6 +16,7 @@ import json
 import sys
 import tempfile
 import time
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -43,12 +44,9 @@ WARM, DROPPED, PASSED = (
     30,
 )  # pictures; those that are drawn in software take half a second each
 LONG = 180_000  # ms until the hand is there
-MARKED = """
-  const mark = () => (performance.mark("picture of the scene"), requestAnimationFrame(mark));
-  if (self !== top) requestAnimationFrame(mark);
-"""
+BEGINS = "ProxyMain::BeginMainFrame"  # a picture, on the page's main thread: a mark of our own would cost 0.1 ms each
 COPYING = "LayerTreeHost::DoUpdateLayers"
-TRACED = ["toplevel", "cc", "blink.user_timing", "disabled-by-default-devtools.timeline"]
+TRACED = ["toplevel", "cc", "disabled-by-default-devtools.timeline"]
 
 
 def measure() -> list[Metric]:
@@ -70,7 +68,7 @@ def _watch(client: Client, station: str) -> list[Metric]:
         context = one.new_context(viewport=SIZE)  # type: ignore[arg-type]
         name, _, value = client.cookie.partition("=")
         context.add_cookies([{"name": name, "value": value, "url": client.base}])
-        context.add_init_script(COUNTED + MARKED)
+        context.add_init_script(COUNTED)
         page = context.new_page()
         page.goto(f"{client.base}/stations/{station}")
         frame = page.wait_for_selector("iframe", timeout=LONG).content_frame()  # type: ignore[union-attr]
@@ -126,16 +124,16 @@ def _pictures(
 
 
 def _per_picture(events: list[dict[str, Any]], name: str) -> Array:
-    """Processor time (n,) of the main thread's events of this name between one mark and the next, ms, from a trace."""
-    marks = [event for event in events if event.get("name") == "picture of the scene"]
-    thread = (marks[0]["pid"], marks[0]["tid"])
+    """Processor time (n,) of the main thread's events of this name between the beginnings of two pictures, ms, from a trace."""
+    marks = [event for event in events if event.get("name") == BEGINS and event["ph"] == "X"]
+    (thread, _), *_ = Counter((event["pid"], event["tid"]) for event in marks).most_common()
     tasks = [
         (event["ts"], event.get("tdur", 0))
         for event in events
         if event.get("name") == name and (event["pid"], event["tid"]) == thread
     ]
     began, took = np.array(sorted(tasks)).T
-    borders = np.sort([event["ts"] for event in marks])
+    borders = np.sort([event["ts"] for event in marks if (event["pid"], event["tid"]) == thread])
     spent = np.concatenate([[0.0], np.cumsum(took)])[np.searchsorted(began, borders)]
     return np.diff(spent) / 1e3
 
