@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.journeys.house import Server, api, keep_picture, shown
+from tests.journeys.house import Server, act, api, keep_picture, shown
 from tests.journeys.test_accessibility import looked_at
 
 pytestmark = pytest.mark.browser
@@ -55,6 +55,9 @@ def test_a_german_browser_sees_german_and_the_station_speaks_it(
     page.goto(f"{server.base}/stations/{station}")
     shown(page.get_by_text("Ziehen Sie den Handschuh an"))
     keep_picture(page, "station-de")
+    act(page, "continue").click()
+    shown(page.locator('.fit [data-grade="good"]'))
+    expect(act(page, "start")).to_be_in_viewport(ratio=1)  # on a tablet, without scrolling
     api(page, f"/api/stations/{station}", "DELETE")
 
 
