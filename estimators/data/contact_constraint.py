@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handscope.estimators.data.held_contact import HeldContact, Place
+from handscope.estimators.data.held_contact import PALM, HeldContact, Place
 from handscope.estimators.data.options import option
 from handscope.estimators.numerics.typing import Array
 
@@ -55,6 +55,15 @@ class Constraint:
     by_vertical: Array  # (k, m, 3) m, by the vertical as each place's chain has it
     noise: Array  # (m, m) m^2, of where people touch
     missed: float  # m, how far the farthest place is from it
+
+
+def kind_sd(params: ContactParams, held: HeldContact) -> float:
+    """How exactly its places are known, m; 0 where such contacts are not to be used."""
+    if not params.contact_sd > 0:
+        return 0.0
+    if held.on_table:
+        return params.pulp_sd
+    return params.mark_sd if held.contacts[0].b[0] == PALM else params.contact_sd
 
 
 def places_of(held: HeldContact) -> tuple[Place, ...]:

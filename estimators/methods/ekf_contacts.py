@@ -16,6 +16,7 @@ from handscope.estimators.data.contact_constraint import (
     Constraint,
     ContactParams,
     between_two,
+    kind_sd,
     on_a_plane,
     places_of,
 )
@@ -100,9 +101,7 @@ def start_marks(params: ContactParams, geometry: HandGeometry) -> tuple[Array, A
 
 def pending_contacts(params: ContactParams, held: Sequence[HeldContact]) -> tuple[Pending, ...]:
     """The contacts whose kinds are asked for."""
-    if not params.contact_sd > 0:
-        return ()
-    return tuple(Pending(h) for h in held if _kind_sd(params, h) > 0)
+    return tuple(Pending(h) for h in held if kind_sd(params, h) > 0)
 
 
 def apply(
@@ -128,12 +127,6 @@ def apply(
     )
     outcome = ContactOutcome(held, "used", without.constraint.missed, left_out)
     return _corrected(hand, without), outcome
-
-
-def _kind_sd(params: ContactParams, held: HeldContact) -> float:
-    if held.on_table:
-        return params.pulp_sd
-    return params.mark_sd if held.contacts[0].b[0] == PALM else params.contact_sd
 
 
 def _is_known(hand: HandState, place: Place) -> bool:

@@ -19,7 +19,9 @@ import numpy as np
 
 from handscope.estimators.data import trajectory
 from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.contact_constraint import kind_sd
 from handscope.estimators.data.findings import whole_streams
+from handscope.estimators.data.held_contact import held_contacts
 from handscope.estimators.data.options import part_of
 from handscope.estimators.data.samples import Block, Recording
 from handscope.estimators.data.trajectory import Trajectory
@@ -28,8 +30,8 @@ from handscope.estimators.hand.anatomy import (
     CHAINS,
 )
 from handscope.estimators.hand.geometry import with_finger_lengths
-from handscope.estimators.messages.sentence import phrase
-from handscope.estimators.methods import m2
+from handscope.estimators.messages.sentence import Sentence, phrase
+from handscope.estimators.methods import m2, map_contacts
 from handscope.estimators.methods.map_options import Params as Params
 from handscope.estimators.methods.map_result import (
     add_wrist_uncertainty,
@@ -39,6 +41,7 @@ from handscope.estimators.methods.map_result import (
 )
 from handscope.estimators.numerics import parallel
 from handscope.estimators.numerics.typing import Array
+from handscope.estimators.pipeline.contacts import contact_messages
 from handscope.estimators.pipeline.method import Capabilities
 from handscope.estimators.pipeline.run import run
 from handscope.estimators.self_calibration import initialisation as self_calibration_initialisation
@@ -128,11 +131,26 @@ def solve(
         ),
     ]
     calibration = join_fingers(params, recording, fingers, worn)
+    movement = _movement(params, recording, calibration, fingers)
+    if held := [h for h in held_contacts(recording.events) if kind_sd(params, h) > 0]:
+        found = map_contacts.apply(params, movement, calibration, fingers, held)
+        messages += map(Sentence, contact_messages(found.outcomes))
+        calibration = replace(
+            join_fingers(params, recording, found.fingers, worn), geometry=found.geometry
+        )
+        movement = _movement(params, recording, calibration, found.fingers)
+    return movement, [calibration], messages
+
+
+def _movement(
+    params: Params, recording: Recording, calibration: Calibration, fingers: Sequence[Finger]
+) -> Trajectory:
+    """The recording tracked with a calibration, its stretch as it was found, with standard deviations."""
     tracked = trajectory.join(run(m2, params, [calibration], recording), recording.hand)
     movement = with_deviations(
         params, with_solution(tracked, calibration.geometry, fingers), fingers
     )
-    return add_wrist_uncertainty(params, movement, calibration.geometry), [calibration], messages
+    return add_wrist_uncertainty(params, movement, calibration.geometry)
 
 
 def _stretch(

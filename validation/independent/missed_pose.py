@@ -1,7 +1,7 @@
 """What a missed initial pose costs, by a simulator that shares no line with the estimators: `m2`, and `ekf` with and without what it infers of the pose."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,10 +11,11 @@ import numpy as np
 
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import FINGERS, IS_DOF, JOINT
-from handscope.estimators.methods import METHODS
+from handscope.estimators.methods import METHODS, ekf
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
 from handscope.sessions.formats import recordings as formats_recordings
+from handscope.validation.independent.simulator import contacts
 from handscope.validation.independent.simulator.free_movement import (
     BEGUN,
     DEG,
@@ -31,6 +32,10 @@ CASES: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "m2": ("m2", {}),
     "ekf, pose taken as held": ("ekf", {"pose_inference": False}),
     "ekf": ("ekf", {}),
+}
+CONTACTS: Mapping[str, Sequence[str]] = {
+    **{f"ekf, {kind}": (kind,) for kind in contacts.HOLDS},
+    "ekf, all contacts": tuple(contacts.HOLDS),
 }
 DURATION, PACE = 45.0, 0.6  # s, Hz
 COLUMNS = ("tips, cm", "angles, deg", "NEES angles", "NEES tips")
@@ -66,14 +71,29 @@ def measure(trial: Trial) -> Mapping[str, float]:
     for case, (name, options) in CASES.items():
         method = METHODS[name]
         moved = process(method, method.Params(**options), recording).trajectory
-        found |= {f"{case}: {what}": error for what, error in _errors(moved, true).items()}
+        errors = _errors(moved, true, BEGUN, DURATION)
+        found |= {f"{case}: {what}": error for what, error in errors.items()}
+    for case, kinds in CONTACTS.items():
+        found |= {f"{case}: {what}": e for what, e in _with_contacts(trial, kinds).items()}
     return found
+
+
+def _with_contacts(trial: Trial, kinds: Sequence[str]) -> dict[str, float]:
+    """Errors of `ekf` where contacts are held between the pose and the same movement."""
+    setup = Setup(trial.seed, fingers=FINGERS, forearm=True, pace=PACE, missed=trial.pose * DEG)
+    movement, held, begun = contacts.with_contacts(setup, kinds)
+    setup = replace(setup, duration=begun + DURATION - BEGUN)
+    with TemporaryDirectory() as folder:
+        true = written(setup, Path(folder) / "recording", movement, held)
+        recording = formats_recordings.load(Path(folder) / "recording")
+    moved = process(ekf, ekf.Params(), recording).trajectory
+    return _errors(moved, true, begun, setup.duration)
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, float]]]) -> Finding:
     """One row a size and case."""
     rows = []
-    for pose, case in product(POSES, CASES):
+    for pose, case in product(POSES, [*CASES, *CONTACTS]):
         of_pose = [found for trial, found in results if trial.pose == pose]
         given = [c for c in COLUMNS if of_pose and f"{case}: {c}" in of_pose[0]]
         rows.append(
@@ -86,15 +106,16 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, float]]]
     setting = (
         f"{wanted.seeds} people a row, simulated by validation/independent/simulator/free_movement.py, which shares no line with estimators/. Whole left hand with forearm, {DURATION:g} s, "
         f"every joint and the hand itself move at up to {PACE:g} Hz after a flat hand of which every freedom is missed by a normal error of that standard deviation. "
-        "Sensors misaligned by 5 deg about each axis, skin 2 deg and 1 mm in 90 deg. All 23 freedoms and five tips; NEES: mean normalised error squared, 1 is honest.",
+        "Sensors misaligned by 5 deg about each axis, skin 2 deg and 1 mm in 90 deg. All 23 freedoms and five tips; NEES: mean normalised error squared, 1 is honest. "
+        "Contacts: between pose and movement, each held for 2 s; pads 3 mm beside each other (each axis), creases 4 mm beside where they are believed, a table tilted by 0.8 deg.",
     )
     return Finding(
         "independent-pose", "What an inexact pose costs in another simulator", setting, (table,)
     )
 
 
-def _errors(moved: Trajectory, true: Truth) -> dict[str, float]:
-    rows = np.flatnonzero((moved.t > BEGUN) & (moved.t < DURATION - 0.1))
+def _errors(moved: Trajectory, true: Truth, begun: float, end: float) -> dict[str, float]:
+    rows = np.flatnonzero((moved.t > begun) & (moved.t < end - 0.1))
     t, joints = moved.t[rows], list(true.angles)
     angles = _at(t, true.t, np.stack([true.angles[j] for j in joints], axis=1))
     tips = _at(t, true.t, np.stack([true.tips[f] for f in FINGERS], axis=1))

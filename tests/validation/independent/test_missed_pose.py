@@ -4,8 +4,14 @@ import numpy as np
 
 from handscope.validation.independent import missed_pose
 from handscope.validation.independent.missed_pose import Trial
-from handscope.validation.independent.simulator import free_movement
-from handscope.validation.independent.simulator.free_movement import BEGUN, DEG, POSED, Setup
+from handscope.validation.independent.simulator import contacts, free_movement
+from handscope.validation.independent.simulator.free_movement import (
+    BEGUN,
+    CHAINS,
+    DEG,
+    POSED,
+    Setup,
+)
 from handscope.validation.reproduce import Wanted
 
 
@@ -33,3 +39,20 @@ def test_what_is_inferred_of_the_pose_helps_people_of_another_simulator() -> Non
     assert 0.3 < measured["ekf: NEES angles"] < 2.5
     table = missed_pose.finding(Wanted(seeds=1), [(Trial(2.5, 0), measured)]).tables[0]
     assert [row.name for row in table.rows[:3]] == [f"2.5 deg, {c}" for c in missed_pose.CASES]
+
+
+def test_contacts_are_held_still_before_the_same_free_movement() -> None:
+    setup = Setup(3, fingers=tuple(CHAINS), forearm=True, missed=2.5 * DEG)
+    plain = free_movement._movement(setup)
+    moved, held, begun = contacts.with_contacts(setup, ("thumb on fingertips", "table", "palm"))
+    assert len(held) == 10
+    later, shift = np.array([1.0, 20.0]), begun - BEGUN
+    for finger in CHAINS:
+        for h in held:
+            first, last = moved.angles[finger](np.array([h.onset, h.end]))
+            np.testing.assert_allclose(first, last, atol=1e-9)
+        np.testing.assert_allclose(
+            moved.angles[finger](begun + later), plain.angles[finger](begun + later - shift)
+        )
+        (before,) = moved.angles[finger](np.array([1.0])) - plain.angles[finger](np.array([1.0]))
+        assert not before.any()

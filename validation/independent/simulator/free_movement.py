@@ -8,7 +8,7 @@ Limits  no field, no gaps, no knocks; joints are exact; a sensor gives what its 
 """
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -154,7 +154,18 @@ class Truth:
     tips: Mapping[str, Array]  # (n, 3) m, ends of the last bones in the wrist's frame
 
 
-def written(setup: Setup, folder: Path, movement: Movement | None = None) -> Truth:
+@dataclass(frozen=True)
+class Held:
+    """A contact, from when to when, and the words of its event."""
+
+    words: str
+    onset: float  # s
+    end: float
+
+
+def written(
+    setup: Setup, folder: Path, movement: Movement | None = None, held: Sequence[Held] = ()
+) -> Truth:
     """A recording in Motion-BIDS, and what is true of it; of the set-up's free movement where no other is given."""
     body, sensors, movement = _body(setup), _sensors(setup), movement or _movement(setup)
     noise, t = _rng(setup, 4), np.arange(round(setup.duration * setup.rate)) / setup.rate
@@ -164,9 +175,13 @@ def written(setup: Setup, folder: Path, movement: Movement | None = None) -> Tru
         json.dumps({"Name": "simulated by formulas of its own", "BIDSVersion": "1.9.0"})
     )
     (at / "sub-01_task-free_events.tsv").write_text(
-        f"onset\tduration\ttrial_type\n0\t{setup.duration}\tfree_movement\n"
-        if setup.missed is None
-        else f"onset\tduration\ttrial_type\n0.5\t{POSED - 1}\tinitial_pose\n"
+        "onset\tduration\ttrial_type\tcontacts\n"
+        + (
+            f"0\t{setup.duration}\tfree_movement\tn/a\n"
+            if setup.missed is None
+            else f"0.5\t{POSED - 1}\tinitial_pose\tn/a\n"
+        )
+        + "".join(f"{h.onset}\t{h.end - h.onset}\tcontact\t{h.words}\n" for h in held)
     )
     strips = [("imu", setup.rate, t, tuple(s for s in setup.segments if s != "forearm"))]
     if setup.forearm:
