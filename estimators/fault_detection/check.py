@@ -11,6 +11,7 @@ from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.samples import Block, Recording
 from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.neighbours import check_neighbours
+from handscope.estimators.fault_detection.neighbours.check_neighbours import Compared
 from handscope.estimators.fault_detection.single_sensors.check_sensors import check_sensors
 
 SLIP, UNEXPLAINED = "sensor.slipped", "sensors.disagree"
@@ -21,6 +22,7 @@ def check_recording(
     blocks: Sequence[Block],
     declared: Recording | None = None,
     calibrations: Sequence[Calibration] = (),
+    compared: Compared | None = None,
 ) -> list[Suspicion]:
     """What is probably wrong with a recording, or with what has come of it so far.
 
@@ -32,6 +34,8 @@ def check_recording(
         Hand, geometry and mounting; without it sensors are not checked against each other.
     calibrations : sequence of Calibration, optional
         How sensors are turned against their segments, where it is known better than nominally.
+    compared : Compared, optional
+        Of the same recording, where other checks share it.
 
     Returns
     -------
@@ -51,6 +55,7 @@ def check_recording(
         declared.mounting,
         calibrations,
         declared.events,
+        compared,
     )
     return _without_repeated_slips([*alone, *together])
 

@@ -2,11 +2,13 @@
 
 In      samples, what is declared of them, calibrations
 Out     gyroscopes that nothing compares with anything, and strips whose delay nothing would show
-Source  a gain of `GAIN`, or a delay of `LATE`, put into the sensor has to leave as many odd windows as the checks ask for before they look closer
+Source  every gain of `GAINS`, and delay of `LATE`, is put into the sensor: the tests of the checks have to find it, as sure as they have to be of a fault. So a sensor that has
+        such a fault already does not count as tested: with the opposite one it reads what is right, and nothing is found
 Limits  says what a fault of that size would have shown; smaller ones need more movement
 """
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,20 +16,25 @@ from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.findings import whole_streams
 from handscope.estimators.data.samples import Block, Recording
 from handscope.estimators.fault_detection.finding import Untested
-from handscope.estimators.fault_detection.neighbours import paired_test
-from handscope.estimators.fault_detection.neighbours.check_neighbours import prepare_pairs
-from handscope.estimators.fault_detection.neighbours.rates import synchrony
-from handscope.estimators.fault_detection.neighbours.rates.common_rates import CommonRates
-from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
-from handscope.estimators.fault_detection.single_sensors.cells import begins, cells_of
-from handscope.estimators.fault_detection.single_sensors.common_fault import FINE
-from handscope.estimators.fault_detection.single_sensors.gravity_fit import (
-    likelihoods_of,
+from handscope.estimators.fault_detection.neighbours import (
+    delays,
+    gains,
+    unexplained,
 )
+from handscope.estimators.fault_detection.neighbours.check_neighbours import (
+    FALSE_ALARM,
+    Compared,
+)
+from handscope.estimators.fault_detection.neighbours.rates import rate_tests, synchrony
+from handscope.estimators.fault_detection.neighbours.rates.common_rates import CommonRates
+from handscope.estimators.fault_detection.single_sensors import gyroscope_check, rest_turns
+from handscope.estimators.fault_detection.single_sensors.cells import begins, cells_of
+from handscope.estimators.fault_detection.single_sensors.gravity_fit import information_of
+from handscope.estimators.fault_detection.single_sensors.gravity_windows import windows_of
+from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS
 from handscope.estimators.hand.anatomy import CHAINS
-from handscope.estimators.numerics.typing import Array
 
-GAIN, LATE = 1.3, 0.2  # s
+GAINS, LATE = (1.3, 1 / 1.3), (0.2, -0.2)  # s
 
 
 def untested(
@@ -35,6 +42,7 @@ def untested(
     declared: Recording,
     calibrations: Sequence[Calibration] = (),
     named: Collection[str] = (),
+    compared: Compared | None = None,
 ) -> Untested:
     """Gyroscopes and strips of which the movement tells nothing.
 
@@ -48,12 +56,16 @@ def untested(
         How sensors are turned against their segments, where it is known.
     named : collection of str
         Sensors of which something is found: they are left out.
+    compared : Compared, optional
+        Of the same recording, where other checks share it.
     """
     by_gravity = _shown_by_gravity(blocks)
-    pairs = prepare_pairs(blocks, declared.geometry, declared.mounting, calibrations)
-    rates = None if pairs is None else CommonRates(pairs)
+    compared = compared or Compared(blocks, declared, calibrations)
+    pairs, rates = compared.pairs, compared.rates
     sensors = [
-        s for s in by_gravity if s not in named and not by_gravity[s] and not _gain_shows(rates, s)
+        s
+        for s, shown in by_gravity.items()
+        if s not in named and not all(shown[g] or _gain_shows(rates, s, g) for g in GAINS)
     ]
     strips = [
         finger
@@ -67,25 +79,36 @@ def untested(
     )
 
 
-def _shown_by_gravity(blocks: Sequence[Block]) -> dict[str, bool]:
-    """By sensor of inertial streams: whether its accelerometer's readings are explained much better with its gyroscope than without."""
+def _shown_by_gravity(blocks: Sequence[Block]) -> dict[str, dict[float, bool]]:
+    """By sensor of inertial streams and gain: whether gravity tells it, in movement or from one rest to the next."""
     cells = cells_of([b for b in whole_streams(blocks) if (np.diff(b.t) > 0).all()])
     if not len(begins(len(cells.valid))):
-        return dict.fromkeys(cells.sensors, False)
-    as_it_is, too_much = likelihoods_of(cells, np.array([np.eye(3), GAIN * np.eye(3)]))
-    gained = (as_it_is - too_much).sum(axis=0)
-    return {s: bool(g > FINE) for s, g in zip(cells.sensors, gained)}
+        return {s: dict.fromkeys(GAINS, False) for s in cells.sensors}
+    right = information_of(windows_of(cells, np.eye(3)))
+    shown: dict[str, dict[float, bool]] = {s: {} for s in cells.sensors}
+    for gain in GAINS:
+        wrong = information_of(windows_of(cells, gain * np.eye(3)))
+        moving = gyroscope_check.p_values_of_gain(right, wrong) < FALSE_ALARMS
+        turns = rest_turns.find(replace(cells, gyr=cells.gyr * gain), ~moving)
+        resting = {cells.sensors[t.sensor] for t in turns if t.p_value < FALSE_ALARMS}
+        for s, is_moving in zip(cells.sensors, moving):
+            shown[s][gain] = bool(is_moving) or s in resting
+    return shown
 
 
-def _gain_shows(rates: CommonRates | None, sensor: str) -> bool:
+def _gain_shows(rates: CommonRates | None, sensor: str, gain: float) -> bool:
     if rates is None or sensor not in rates.pairs.series.sensors:  # the trunk's has no neighbour
         return False
-    hinges = [j for j in rates.hinges if sensor in j and rates.explains]
-    gains = [(1.0 if j[1] == sensor else GAIN, GAIN if j[1] == sensor else 1.0) for j in hinges]
-    if any(_differs(rates.left(j), rates.left(j, 0.0, *g)) for j, g in zip(hinges, gains)):
+    if rates.explains and rate_tests.p_value_of_gain(rates, sensor, gain) < FALSE_ALARM:
         return True
-    wrong = rates.pairs.with_gain(sensor, GAIN)
-    return any(wrong.is_doubtful(*j) for j in rates.pairs.joints if sensor in j)
+    wrong = rates.pairs.with_gain(sensor, 1.0 / gain)
+    if gains.p_value_of(wrong, rates.pairs, sensor, gain) < FALSE_ALARM:
+        return True
+    return any(
+        u.p_value < FALSE_ALARM * len(wrong.joints) / len(rates.pairs.joints)
+        for u in unexplained.find(wrong)
+        if sensor in u.joint
+    )
 
 
 def _delay_shows(rates: CommonRates | None, finger: str) -> bool:
@@ -93,17 +116,8 @@ def _delay_shows(rates: CommonRates | None, finger: str) -> bool:
         return False
     roots = [j for j in rates.pairs.joints if j[0] == "hand" and j[1] == CHAINS[finger][0]]
     by_rates = [j for j in roots if j in rates.joints and rates.explains]
-    if any(_differs(rates.left(j), rates.left(j, LATE)) for j in by_rates):
-        return True
-    return any(_acceleration_shows(rates.pairs, *j) for j in roots)
-
-
-def _acceleration_shows(pairs: Pairs, a: str, b: str) -> bool:
-    as_it_is, late = pairs.joint(a, b, (a, b)), pairs.joint(a, b, (a, b), LATE)
-    use = pairs.use(a, b) & pairs.use(a, b, LATE) & pairs.moves(a) & pairs.moves(b)
-    return _differs((as_it_is.rest / late.noise)[use], (late.rest / late.noise)[use])
-
-
-def _differs(without: Array, wrong: Array) -> bool:
-    """Whether as many windows as a test needs leave twice as much with the fault, noise counted in."""
-    return bool(np.count_nonzero(wrong + 1.0 > 2.0 * (without + 1.0)) >= paired_test.FEWEST)
+    return all(
+        any(rate_tests.p_value_of_delay(rates, j, late) < FALSE_ALARM for j in by_rates)
+        or any(delays.p_value_of(rates.pairs, j, late) < FALSE_ALARM for j in roots)
+        for late in LATE
+    )

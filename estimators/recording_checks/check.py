@@ -19,6 +19,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.fault_detection.check import check_recording
 from handscope.estimators.fault_detection.coverage import untested
 from handscope.estimators.fault_detection.finding import Suspicion, Untested
+from handscope.estimators.fault_detection.neighbours.check_neighbours import Compared
 from handscope.estimators.fault_detection.words import as_findings, sentence
 from handscope.estimators.hand.anatomy import SEGMENT
 from handscope.estimators.methods import m2
@@ -46,9 +47,10 @@ def check_processed(processed: Processed, recording: Recording) -> Processed:
     """
     noticed = processed.suspicions
     turned = {sensor for s in noticed for sensor in s.sensors}
+    compared = Compared(whole_of(recording), recording, processed.calibrations)
     suspicions = [
         s
-        for s in suspicions_of(recording, processed.calibrations)
+        for s in suspicions_of(recording, processed.calibrations, compared)
         if not (s.message.code in BY_TURNED and turned & {*s.sensors})
     ]
     processed = _without_explained(processed, {s.message.code for s in suspicions})
@@ -66,7 +68,7 @@ def check_processed(processed: Processed, recording: Recording) -> Processed:
         warnings=tuple(messages),
         findings=(*processed.findings, *findings),
         suspicions=(*noticed, *suspicions),
-        untested=untested_of(recording, [*noticed, *suspicions], processed.calibrations),
+        untested=untested_of(recording, [*noticed, *suspicions], processed.calibrations, compared),
     )
 
 
@@ -83,7 +85,9 @@ def _without_explained(processed: Processed, codes: set[str]) -> Processed:
 
 
 def suspicions_of(
-    recording: Recording, calibrations: Sequence[Calibration] | None = None
+    recording: Recording,
+    calibrations: Sequence[Calibration] | None = None,
+    compared: Compared | None = None,
 ) -> list[Suspicion]:
     """What is probably wrong with a recording, by its readings, by what joints can do and by gravity in its pose.
 
@@ -93,6 +97,8 @@ def suspicions_of(
         With what is declared of it.
     calibrations : sequence of Calibration, optional
         As they were used; without them those of its initial poses, where these tell any.
+    compared : Compared, optional
+        Of the recording with these calibrations, where what is `untested_of` it shares it.
 
     Returns
     -------
@@ -100,7 +106,7 @@ def suspicions_of(
         Of a sensor that one names nothing more is suspected by its joints; questions (severity `info`) last.
     """
     known = calibrations_of(recording) if calibrations is None else calibrations
-    found = check_recording(whole_of(recording), recording, known)
+    found = check_recording(whole_of(recording), recording, known, compared)
     named = {n for s in found if s.message.severity != "info" for n in s.sensors}
     found += [s for s in check_joints(recording, known) if _is_asked(s) or not named & {*s.sensors}]
     return sorted([*found, *check_pose(recording, known)], key=_is_asked)
@@ -110,11 +116,12 @@ def untested_of(
     recording: Recording,
     suspicions: Sequence[Suspicion],
     calibrations: Sequence[Calibration] | None = None,
+    compared: Compared | None = None,
 ) -> Untested:
     """What the recording's movement is too little for, but for sensors of which something is found."""
     known = calibrations_of(recording) if calibrations is None else calibrations
     named = {n for s in suspicions if s.message.severity != "info" for n in s.sensors}
-    return untested(whole_of(recording), recording, known, named)
+    return untested(whole_of(recording), recording, known, named, compared)
 
 
 def calibrations_of(recording: Recording) -> list[Calibration]:

@@ -8,11 +8,12 @@ Limits  what the movement does not show is not found: the tests stay silent wher
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from handscope.estimators.data.calibration import Calibration
-from handscope.estimators.data.samples import Block, Event
+from handscope.estimators.data.samples import Block, Event, Recording
 from handscope.estimators.fault_detection.finding import Message, Suspicion
 from handscope.estimators.fault_detection.neighbours import (
     delays,
@@ -68,6 +69,26 @@ def prepare_pairs(
     )
 
 
+@dataclass(frozen=True)
+class Compared:
+    """Sensors of one recording as several checks compare them: computed when first asked for, once."""
+
+    blocks: Sequence[Block]
+    declared: Recording
+    calibrations: Sequence[Calibration]
+
+    @cached_property
+    def pairs(self) -> Pairs | None:
+        """None where there is too little to compare."""
+        declared = self.declared
+        return prepare_pairs(self.blocks, declared.geometry, declared.mounting, self.calibrations)
+
+    @cached_property
+    def rates(self) -> CommonRates | None:
+        """What neighbours' rates have in common."""
+        return None if self.pairs is None else CommonRates(self.pairs)
+
+
 def check_neighbours(
     blocks: Sequence[Block],
     hand: Hand,
@@ -76,6 +97,7 @@ def check_neighbours(
     calibrations: Sequence[Calibration],
     events: Sequence[Event],
     pairs: Pairs | None = None,
+    rates: CommonRates | None = None,
 ) -> list[Suspicion]:
     """Check neighbouring sensors against each other: exchanged, late, slipped.
 
@@ -85,8 +107,8 @@ def check_neighbours(
         Samples of all streams.
     hand, geometry, mounting, calibrations, events
         What is declared and known of the recording; the hand itself is asked by `check_hand`.
-    pairs : Pairs, optional
-        Of `prepare_pairs`, where several checks share it.
+    pairs, rates : optional
+        Of the same recording, where several checks share them.
 
     Returns
     -------
@@ -101,7 +123,7 @@ def check_neighbours(
         return []  # so are its joint positions told by `check_hand`
     if (verdict := _verdict(pairs, geometry)[0]) is not None and verdict.kind == "hand":
         return []  # `check_hand` tells it; every joint lies elsewhere than expected
-    rates = CommonRates(pairs)
+    rates = rates or CommonRates(pairs)
     every = [*unexplained.find(pairs), *rate_tests.find_unexplained(rates)]
     odd = _once([u for u in every if u.p_value < FALSE_ALARM])
     named = _named(pairs, rates, [u.joint for u in odd])
@@ -187,12 +209,16 @@ def check(
     mounting: Mapping[str, Array],
     calibrations: Sequence[Calibration],
     events: Sequence[Event],
+    compared: Compared | None = None,
 ) -> list[Suspicion]:
     """Both checks of one recording: as `check_neighbours`, then `check_hand` without bones of fingers in which something else is wrong."""
-    pairs = prepare_pairs(blocks, geometry, mounting, calibrations)
+    pairs = compared.pairs if compared else prepare_pairs(blocks, geometry, mounting, calibrations)
+    rates = compared.rates if compared else None
     if pairs is None or _behind_the_wrist(geometry):
         return check_hand(blocks, hand, geometry, mounting, calibrations, events, pairs)
-    suspicions = check_neighbours(blocks, hand, geometry, mounting, calibrations, events, pairs)
+    suspicions = check_neighbours(
+        blocks, hand, geometry, mounting, calibrations, events, pairs, rates
+    )
     wrong = {_limb(s) for t in suspicions for s in t.sensors}
     of_hand = check_hand(blocks, hand, geometry, mounting, calibrations, events, pairs)
     if wrong:  # what is wrong with a finger moves its knuckle, too

@@ -42,11 +42,7 @@ class Delay:
 
 def find(pairs: Pairs) -> list[Delay]:
     """Late sensors, most certain first; at most one for each joint that shows it."""
-    begin, end = float(pairs.series.t[0]), float(pairs.series.t[-1])
-    lags = np.asarray(
-        np.arange(-round(FURTHEST / COARSE), round(FURTHEST / COARSE) + 1) * COARSE, float
-    )
-    parts = spans(begin, end)
+    lags, parts = _lags(), spans(float(pairs.series.t[0]), float(pairs.series.t[-1]))
     count = len(groups(pairs)) * (len(lags) + 2 * FINER) * len(parts)
     curves: Curves = {}
     return most_certain(
@@ -55,6 +51,24 @@ def find(pairs: Pairs) -> list[Delay]:
         lambda g: [_best(pairs, lags, g, s, curves) for s in parts],
         count,
     )
+
+
+def p_value_of(pairs: Pairs, joint: tuple[str, str], late: float) -> float:
+    """Probability that `find` would tell of a delay put into what is beyond a joint."""
+    rest, noise = _curve(pairs, joint, np.array([0.0, late]), 1)
+    known, (right, wrong) = np.isfinite(rest).all(axis=0), rest
+    right, wrong, noise = right[known], wrong[known], noise[0][known]
+    if np.count_nonzero(wrong > 1.5 * noise) < paired_test.FEWEST:
+        return 1.0
+    gain = paired_test.log_rest(wrong, noise) - paired_test.log_rest(right, noise)
+    p = paired_test.p_value(gain, MARGIN, paired_test.weight(wrong, right, noise))
+    parts = spans(float(pairs.series.t[0]), float(pairs.series.t[-1]))
+    return min(1.0, p * len(groups(pairs)) * (len(_lags()) + 2 * FINER) * len(parts))
+
+
+def _lags() -> Array:
+    steps = round(FURTHEST / COARSE)
+    return np.asarray(np.arange(-steps, steps + 1) * COARSE, float)
 
 
 def most_certain(

@@ -36,13 +36,26 @@ def find(pairs: Pairs) -> Gain | None:
     """The most certain gain, with the probability of such evidence without any."""
     doubtful = [j for j in pairs.joints if pairs.is_doubtful(*j)]
     suspects = [s for s in pairs.series.sensors if any(s in j for j in doubtful)]
-    count = len(pairs.series.sensors) * (len(GAINS) + 2)
+    count = _count(pairs)
     tried = [_best(pairs, s) for s in suspects]
     sure = [g for g in tried if g.p_value * count < LEAST_SURE]
     if not sure:
         return None
     best = max(sure, key=lambda g: g.evidence)
     return replace(best, p_value=best.p_value * count)
+
+
+def p_value_of(wrong: Pairs, right: Pairs, sensor: str, gain: float) -> float:
+    """Probability that `find` would tell of a gain, by readings with it and without."""
+    if not any(wrong.is_doubtful(*j) for j in wrong.joints if sensor in j):
+        return 1.0
+    judged = _judged(sensor, gain, _left(wrong, sensor), _left(right, sensor))
+    return min(1.0, judged.p_value * _count(right))
+
+
+def _count(pairs: Pairs) -> int:
+    """Gains that are looked for in a recording."""
+    return len(pairs.series.sensors) * (len(GAINS) + 2)
 
 
 def _best(pairs: Pairs, sensor: str) -> Gain:

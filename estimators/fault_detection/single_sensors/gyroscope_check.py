@@ -133,6 +133,16 @@ def judge(cells: Cells, free: bool = True) -> list[Judged]:
     return found
 
 
+def p_values_of_gain(right: Information, wrong: Information) -> Array:
+    """How sure (S,) `judge` would be of a gain, by its whole recording: `right` are the readings without it, `wrong` those with it."""
+    none, explained = fit(wrong), fit(right)
+    gained = explained.likelihood.sum(axis=0) + fit(right, priors(GAIN)).cost - none.evidence
+    evidence = gained / np.maximum(explained.repeats, none.repeats)
+    chains, sensors = right.n.shape
+    weight = _weight("gyroscope_gain", slice(0, chains), chains, 1)
+    return np.asarray(np.minimum(1.0, sensors / weight * np.exp(-np.maximum(evidence, 0.0))))
+
+
 def stretches(chains: int) -> list[slice]:
     """All chains, halves and quarters of them that hold two or more."""
     cuts = {(0, chains)} | {

@@ -9,7 +9,7 @@ from handscope.estimators.fault_detection.coverage import untested
 from handscope.estimators.fault_detection.finding import Untested
 from handscope.estimators.hand.anatomy import CHAINS
 from handscope.estimators.simulation.scenario import Simulated
-from tests.estimators.fault_detection.joint_recordings import freely_moved
+from tests.estimators.fault_detection.joint_recordings import amplified, delayed, freely_moved
 
 
 def _asked(blocks: list[Block], **named: tuple[str, ...]) -> Untested:
@@ -28,6 +28,15 @@ def _at_rest() -> list[Block]:
 
 def test_everything_is_tested_where_hand_and_fingers_move() -> None:
     assert _asked(list(freely_moved().blocks())) == Untested()
+
+
+def test_a_gyroscope_that_has_the_gain_does_not_count_as_tested() -> None:
+    found = _asked(amplified(freely_moved(), "ring_middle", 1.3))
+    assert "ring_middle" in found.gyroscopes
+
+
+def test_a_strip_that_is_late_does_not_count_as_tested() -> None:
+    assert "ring" in _asked(delayed(freely_moved(), CHAINS["ring"], 0.2)).strips
 
 
 def test_nothing_is_tested_where_nothing_moves() -> None:

@@ -58,8 +58,11 @@ def test_a_fault_is_silent_where_it_costs_much_and_no_code_is_said() -> None:
     results = [
         (Trial("tapping", 1), {**cases, "gain 1.3": Case((), costs)}),
         (Trial("free", 1), {**cases, "gain 1.3": Case(("sensor.gyroscope_gain",), costs)}),
+        (Trial("resting", 1), {**cases, "gain 1.3": Case((), costs, is_untested=True)}),
     ]
     found = silent_faults.finding(Wanted(), results)
     row = next(r for r in found.tables[0].rows if r.name == "gain 1.3")
-    assert [row.ours[c].mean for c in found.tables[0].columns] == [2, 2, 1, 2.0]
-    assert found.remarks[0] == "1 of 2 costly faults without a word."
+    assert [row.ours[c].mean for c in found.tables[0].columns] == [3, 3, 2, 1, 2.0]
+    assert found.remarks[0] == (
+        "2 of 3 costly faults without a word; 1 of them neither found nor told as untested."
+    )

@@ -37,12 +37,41 @@ def find_gain(rates: CommonRates) -> Gain | None:
     odd = [j for j in _odd_joints(rates) if j in rates.hinges]  # a gain shows at a hinge, too
     suspects = [s for s in rates.pairs.series.sensors if any(s in j for j in odd) and s != "hand"]
     tried = [_best_gain(rates, s) for s in suspects]
-    count = len(rates.pairs.series.sensors) * len(GAINS)
+    count = _count_of_gains(rates)
     sure = [g for g in tried if g.p_value * count < gains.LEAST_SURE]
     if not sure:
         return None
     best = max(sure, key=lambda g: g.evidence)
     return replace(best, p_value=best.p_value * count)
+
+
+def p_value_of_gain(rates: CommonRates, sensor: str, gain: float) -> float:
+    """Probability that `find_gain` would tell of a gain put into a sensor."""
+    if sensor == "hand":
+        return 1.0
+    around = [j for j in rates.joints if sensor in j]
+    of_joint = [(1.0, 1.0 / gain) if j[1] == sensor else (1.0 / gain, 1.0) for j in around]
+    wrong = np.array([rates.left(j, 0.0, *g) for j, g in zip(around, of_joint)])
+    is_odd = [j in rates.hinges and _is_odd(left) for j, left in zip(around, wrong)]
+    if not any(is_odd):
+        return 1.0
+    right = np.array([rates.left(j) for j in around])
+    return min(1.0, _tested(wrong, right)[0] * _count_of_gains(rates))
+
+
+def p_value_of_delay(rates: CommonRates, joint: Joint, late: float) -> float:
+    """Probability that `find_delays` would tell of a delay put into what is beyond a joint."""
+    wrong, right = rates.left(joint, late), rates.left(joint)
+    if not _is_odd(wrong):
+        return 1.0
+    span = delays.spans(float(rates.pairs.series.t[0]), float(rates.pairs.series.t[-1]))
+    lags = 2 * round(delays.FURTHEST / STEP) + 1
+    count = len(delays.groups(rates.pairs)) * 2 * lags * len(span)
+    return min(1.0, _tested(wrong[None], right[None])[0] * count)
+
+
+def _count_of_gains(rates: CommonRates) -> int:
+    return len(rates.pairs.series.sensors) * len(GAINS)
 
 
 def _best_gain(rates: CommonRates, sensor: str) -> Gain:
@@ -156,7 +185,11 @@ def find_unexplained(rates: CommonRates) -> Iterator[Unexplained]:
 
 
 def _odd_joints(rates: CommonRates) -> list[Joint]:
-    return [j for j in rates.joints if np.count_nonzero(rates.left(j) > ODD) >= paired_test.FEWEST]
+    return [j for j in rates.joints if _is_odd(rates.left(j))]
+
+
+def _is_odd(left: Array) -> bool:
+    return bool(np.count_nonzero(left > ODD) >= paired_test.FEWEST)
 
 
 def _misfit(rest: Array) -> float:
