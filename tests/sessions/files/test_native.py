@@ -1,5 +1,6 @@
 """Reading a native recording: whole, cut anywhere, with bytes flipped, of another program."""
 
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,9 @@ from mcap.writer import Writer
 from handscope.estimators.data.magnet_declaration import Plate
 from handscope.estimators.data.samples import Event
 from handscope.estimators.errors import InputError
-from handscope.sessions.files import native
+from handscope.sessions.files import native, recording_file
 from handscope.sessions.files.recorder import FORMAT_VERSION, Recorder
+from handscope.sessions.files.recording_file import Findings, read_messages
 from handscope.sessions.formats import recordings as formats_recordings
 from handscope.sessions.wire.framing import Encoder
 from handscope.sessions.wire.messages import Format, Mark
@@ -90,6 +92,15 @@ def test_cut_anywhere_every_whole_message_is_there(
     assert contents.file.unread < 500  # bytes: one message
     assert contents.file.finished == (at >= len(whole) - 8)
     assert contents.file.damaged == 0
+
+
+def test_records_are_those_of_mcaps_own_reader(
+    recorded: Recorded, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ours = list(read_messages(BytesIO(recorded.whole), Findings()))
+    monkeypatch.setattr(recording_file, "_records_inside", lambda chunk: None)  # the others' way
+    assert ours == list(read_messages(BytesIO(recorded.whole), Findings()))
+    assert len(ours) > 5
 
 
 def test_a_cut_recording_opens_with_a_warning(tmp_path: Path, recorded: Recorded) -> None:
