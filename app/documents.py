@@ -1,6 +1,6 @@
-"""What is made when somebody asks for it (a report, an export, a replay file), in a process of its own: it waits for no computation.
+"""What is made when somebody asks for it (a report, an export, a replay file), in a process of its own or on the administrator's cluster: it waits for no computation.
 
-Whoever leaves (closes the window, presses Stop) ends the work: what waits is dropped, what is being made is ended with its process.
+Whoever leaves (closes the window, presses Stop) ends the work: what waits is dropped, what is being made is ended with its process (on a cluster: see workers/cluster.py).
 """
 
 import asyncio
@@ -12,7 +12,8 @@ from typing import Concatenate, ParamSpec, TypeVar
 
 from handscope.app.job_queue import prepare_store
 from handscope.app.report import Paper
-from handscope.app.workers.process import DiedError, WorkerProcess
+from handscope.app.workers.cluster import worker
+from handscope.app.workers.process import DiedError
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import Hand
 from handscope.sessions.clinic import results
@@ -31,8 +32,8 @@ class LeftError(Exception):
 class Documents:
     """A context manager; leaving it ends what is being made."""
 
-    def __init__(self, store: Store) -> None:
-        self._process = WorkerProcess(prepare_store, store.folder, store.url)
+    def __init__(self, store: Store, scheduler: str | None = None) -> None:
+        self._process = worker(scheduler, prepare_store, store.folder.absolute(), store.url)
         self._queue = ThreadPoolExecutor(1, thread_name_prefix="documents")
         self._turn = threading.Lock()
         self._made: object = None  # what the process works for

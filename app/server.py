@@ -82,7 +82,7 @@ def create_app(settings: Settings) -> FastAPI:
             Heartbeat(store),
             UploadReader() as upload_reader,
             Jobs(store) as jobs,
-            Documents(store) as documents,
+            Documents(store, settings.scheduler) as documents,
             Stations(lambda station: _store_finished(app.state.parts, station)) as open_stations,
             Relays(open_stations, lambda session: app.state.repair.add(session)) as open_relays,
         ):

@@ -92,6 +92,7 @@ def _settings(arguments: argparse.Namespace, demo_ports: Mapping[str, str], base
         database_url=arguments.database,
         recordings=arguments.recordings,
         shared_at=_shared_at(arguments, base),
+        scheduler=_scheduler(arguments),
         cache_bytes=round(1e9 * arguments.cache),
         hosts=tuple(arguments.name),
         demo_ports=demo_ports,
@@ -104,6 +105,14 @@ def _settings(arguments: argparse.Namespace, demo_ports: Mapping[str, str], base
         idle_logout=3600.0 * arguments.idle_logout,
         longest_login=3600.0 * arguments.longest_login,
     )
+
+
+def _scheduler(arguments: argparse.Namespace) -> str | None:
+    """The address of the cluster; InputError where the package that speaks to it is missing."""
+    address: str | None = arguments.scheduler
+    if address and importlib.util.find_spec("distributed") is None:
+        raise InputError("cluster.no_package")
+    return address
 
 
 def _shared_at(arguments: argparse.Namespace, base: str) -> str | None:

@@ -21,6 +21,9 @@ class Settings:
     shared_at: str | None = (
         None  # address of this server among several that share database and object storage; None: no sharing is asked for
     )
+    scheduler: str | None = (
+        None  # address of the administrator's Dask cluster that makes reports, exports and self-calibrations; None: this machine does
+    )
     cache_bytes: int = (
         20 * 10**9
     )  # of files that are in the object storage, kept on this disk as well

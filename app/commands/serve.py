@@ -55,6 +55,12 @@ def add(parser: argparse.ArgumentParser, folder: str = FOLDER) -> None:
         help="one of several servers on the same PostgreSQL database and object storage (HANDSCOPE_SHARED=1); asked for once, kept in the data folder",
     )
     parser.add_argument(
+        "--scheduler",
+        default=os.environ.get("HANDSCOPE_SCHEDULER") or None,
+        metavar="ADDRESS",
+        help="of a Dask cluster that makes reports, exports and self-calibrations (HANDSCOPE_SCHEDULER), such as tls://head:8786; its workers see the same data folder and database",
+    )
+    parser.add_argument(
         "--cache",
         type=_gigabytes,
         default=CACHE,

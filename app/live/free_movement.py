@@ -1,7 +1,7 @@
 """Self-calibration from free movement in a live session.
 
 meter     observability once a second, in a thread of its own (observability_meter.py); a person may end it early and is warned
-solver    in a process of its own (workers/self_calibration.py); the wizard waits in FREE_WORK and may leave it
+solver    in a process of its own or on a cluster (workers/self_calibration.py); the wizard waits in FREE_WORK and may leave it
 result    lengths and alignments serve every later pose and are stored with the patient once a person accepts them
 """
 
@@ -32,8 +32,10 @@ class FreeMovement:
         tracking: Tracking,
         number: Callable[[], int],
         keep: Callable[[FoundCalibration, str], object],
+        scheduler: str | None = None,
     ) -> None:
         self._glove, self._tracking, self._number, self._keep = glove, tracking, number, keep
+        self._scheduler = scheduler
         self.solver: SelfCalibrationSolver | None = None
         self.meter: FreeMeter | None = None  # of the newest free movement
         self._moving = False
@@ -147,7 +149,8 @@ class FreeMovement:
         self.solver = SelfCalibrationSolver(
             LoadedRecording(
                 tracking.hand, tracking.geometry, self._glove.assembler.mounting, samples, (event,)
-            )
+            ),
+            self._scheduler,
         )
 
     def _leave(self, outcome: str) -> None:

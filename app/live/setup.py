@@ -43,6 +43,7 @@ class Setup:
     store_solution: Callable[[FoundCalibration, str], object] = lambda found, glove: (
         None
     )  # with the patient
+    scheduler: str | None = None  # of the cluster that self-calibrates; None: this machine does
     earlier: EarlierFigures = field(default_factory=EarlierFigures)  # what a trial is compared with
     outlets: tuple[str, ...] = ()  # addresses of app/live/outputs/choice.py; none by itself
     about: Mapping[str, Any]  # stored in the recording: pseudonym, session, ...

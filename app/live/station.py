@@ -113,7 +113,9 @@ class Station:
         )
         self._marked = (State.CONNECT, "")  # state and task of the newest marker
         self.steps = CalibrationMovements(self.glove, self.tracking, self._next_number)
-        self.free = FreeMovement(self.glove, self.tracking, self._next_number, setup.store_solution)
+        self.free = FreeMovement(
+            self.glove, self.tracking, self._next_number, setup.store_solution, setup.scheduler
+        )
 
     def __enter__(self) -> "Station":
         with ExitStack() as opened:

@@ -1,4 +1,4 @@
-"""Self-calibration in a process of its own: it takes a minute of a core, and must not slow the live view.
+"""Self-calibration in a process of its own, or on the administrator's cluster: it takes a minute of a core, and must not slow the live view.
 
 The process ends by itself when its parent is gone; one that takes longer than LONGEST is ended.
 """
@@ -9,7 +9,8 @@ import threading
 import time
 from typing import Any
 
-from handscope.app.workers.process import DiedError, Send, WorkerProcess, no_context
+from handscope.app.workers.cluster import worker
+from handscope.app.workers.process import DiedError, Send, no_context
 from handscope.estimators.errors import InputError
 from handscope.estimators.messages.sentence import join, phrase
 from handscope.sessions.clinic.self_calibrations import FoundCalibration
@@ -24,12 +25,12 @@ TOO_LONG = phrase("self_calibration.took_too_long")
 class SelfCalibrationSolver:
     """One computation; it runs from construction until it has a solution or a refusal, or is closed."""
 
-    def __init__(self, recording: LoadedRecording) -> None:
+    def __init__(self, recording: LoadedRecording, scheduler: str | None = None) -> None:
         self.share = 0.0  # of the work that is done, 0 to 1
         self.solution: FoundCalibration | None = None
         self.refusal = ""
         self._started = time.monotonic()
-        self._process = WorkerProcess(no_context)
+        self._process = worker(scheduler, no_context)
         self._process.start()
         self._thread = threading.Thread(
             target=self._run, args=(recording,), name="self-calibration", daemon=True
@@ -40,6 +41,8 @@ class SelfCalibrationSolver:
         try:
             for name, value in self._process.stream(_solve, recording):
                 setattr(self, name, value)
+        except InputError as unreachable:
+            self.refusal = self.refusal or str(unreachable)
         except Exception as problem:  # of the process, or its end
             if not isinstance(problem, DiedError):
                 log.exception("self-calibration")

@@ -191,6 +191,7 @@ def _open(db: Db, parts: Parts, requester: Requester, start: _Start, name: str) 
                 continues=start.continues,
                 earlier=_earlier_figures(db, patient.id, hand, new.method),
                 store_solution=_solution_store(db, parts, file.id),
+                scheduler=parts.settings.scheduler,
                 **_prior_options(db, session, new.reuse),
             ),
             name,

@@ -149,7 +149,7 @@ def test_the_movement_is_kept_as_such_until_it_is_taken_back(
     given: list[FoundCalibration] = []
     monkeypatch.setattr(station.glove, "keep_event", kept.__setitem__)
     monkeypatch.setattr(station.glove, "send", lambda cue: None)
-    monkeypatch.setattr(free_movement, "SelfCalibrationSolver", lambda recording: None)
+    monkeypatch.setattr(free_movement, "SelfCalibrationSolver", lambda *given: None)
     monkeypatch.setattr(station.free, "_keep", lambda what, glove: given.append(what))
     w, status, effects = moved(ready())
     station._wizard = w
