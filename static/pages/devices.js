@@ -92,10 +92,9 @@ function table(strips) {
     const share = lost && samples ? ` (${decimal((100 * lost) / (samples + lost), 2)} %)` : "";
     const gone = lost === null ? t("devices.unknown") : whole(lost) + share;
     const cells = [whole(sensors), t("unit.per_second_of", { rate: Math.round(rate) }), gone];
-    const named = cells.map((cell, k) => h("td", { class: "number", "data-column": t(COLUMNS[k + 1]) }, cell));
-    return h("tr", {}, h("th", { scope: "row" }, stripWords(name)), named);
+    return h("tr", {}, h("th", { scope: "row" }, stripWords(name)), cells.map((cell) => h("td", { class: "number" }, cell)));
   };
   const head = h("tr", {}, COLUMNS.map((word) => h("th", { scope: "col" }, t(word))));
-  const lines = h("table", { class: "compact lined" }, h("thead", {}, head), h("tbody", {}, strips.map(row)));
+  const lines = h("table", { class: "compact" }, h("thead", {}, head), h("tbody", {}, strips.map(row)));
   return h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": t("recording.streams") }, lines);
 }

@@ -63,7 +63,7 @@ export function mount(root, api, { session, result, go }) {
         const payload = await api.get(`/api/results/${result.id}/comparison?${query}`);
         if (mine !== asked) return;
         leave();
-        const names = [t("compare.this"), other.selectedOptions[0].textContent.split(":")[0]];
+        const names = [t("compare.this"), kind === "method" ? value : other.selectedOptions[0].textContent];
         leave = compared.mount(place, api, { payload, what: what.value, names });
         const address = `/api/results/${result.id}/replay?${new URLSearchParams({ other: id, at: payload.offsets[0] })}`;
         both.onclick = () => once(both, box, async () => go(`/stations/${(await api.post(address)).station}`));
@@ -98,15 +98,15 @@ export function mount(root, api, { session, result, go }) {
   };
 }
 
-/** Other methods of this recording, then the same tasks of the other hand and of other sessions. */
+/** The same tasks of the other hand and of other sessions, then this recording by other methods. */
 function choiceOfOther(methods, course, session, result, onchange) {
   const sessions = Object.entries(course.sessions).flatMap(([hand, all]) => all.map((one) => ({ ...one, hand })));
   const words = (one) => t("compare.session", { day: dayAndTime(one.started), hand: t(`hand.${one.hand}.title`) });
   const those = (wanted) => sessions.filter(wanted).map((one) => [`session:${one.result}`, words(one)]);
   const groups = [
-    ["compare.method", methods.filter((m) => m.name !== result.method).map((m) => [`method:${m.name}`, labelled(m.name, m.title)])],
     ["compare.other_hand", those((one) => one.hand !== session.hand)],
     ["compare.sessions", those((one) => one.hand === session.hand && one.session !== session.id)],
+    ["compare.method", methods.filter((m) => m.name !== result.method).map((m) => [`method:${m.name}`, labelled(m.name, m.title)])],
   ];
   const options = (all) => all.map(([value, text]) => h("option", { value }, text));
   const filled = groups.filter(([, all]) => all.length);

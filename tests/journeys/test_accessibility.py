@@ -174,6 +174,10 @@ def test_station_and_replay(page: Page, server: Server, processed: int) -> None:
     page.goto(f"{server.base}/stations/{replay}")
     shown(page.locator(".cursor"))
     looked_at(page, "replay")
+    page.set_viewport_size(dict(zip(("width", "height"), PHONE)))
+    assert page.evaluate(
+        "(strip => strip.scrollHeight <= strip.clientHeight + 1)(document.querySelector('.strip'))"
+    ), "the curve is not drawn over what follows"
     glove = api(page, "/api/gloves")[0]["path"]
     station = api(page, "/api/patients/1/sessions", "POST", data={"hand": "left", "port": glove})[
         "station"

@@ -92,6 +92,18 @@ def test_progress_appears_with_the_second_session_and_says_that_nothing_changed(
     page.reload()
     shown(rate.get_by_text("Goal: 3.00 per s to 4.50 per s").first)
     keep_picture(page, "patient-progress-goal")
+    page.goto(f"{server.base}/sessions/{told['session']}")
+    the_other_session_is_offered_before_methods_and_named_in_full(page)
+
+
+def the_other_session_is_offered_before_methods_and_named_in_full(page: Page) -> None:
+    page.locator("summary").filter(has=page.get_by_role("heading", name="Compare")).click()
+    other = page.get_by_label("Compare with", exact=True)
+    expect(other.locator("optgroup")).to_have_count(2)
+    session = other.locator("option").nth(1).inner_text()
+    assert "Left hand" in session
+    other.select_option(session)
+    expect(page.locator(".legend li", has_text=session)).to_be_visible()
 
 
 def key_figures_lead_without_pushing_the_new_session_away(page: Page) -> None:
