@@ -14,6 +14,8 @@ from handscope.estimators.data.held_contact import PALM, HeldContact, Place
 from handscope.estimators.data.options import option
 from handscope.estimators.numerics.typing import Array
 
+LASTING = 0.6  # of a contact's variance: the same each time, as how thick a pulp is and where its owner touches; ours
+
 
 @dataclass(frozen=True, kw_only=True)
 class ContactParams:
@@ -72,8 +74,22 @@ def places_of(held: HeldContact) -> tuple[Place, ...]:
     return tuple(c.a for c in contacts) if held.on_table else (contacts[0].a, contacts[0].b)
 
 
-def between_two(params: ContactParams, places: Array, distance: float | None) -> Constraint:
-    """Two places (2, 3) that touch, or of which the distance (m) is known."""
+def growth(times: int) -> float:
+    """By what the noise of a contact grows that was used `times` before: what all together tell of it never exceeds what lasts."""
+    if not times:
+        return 1.0
+    tell = [1 / (LASTING + (1 - LASTING) / k) for k in (times, times + 1)]
+    return 1 / (tell[1] - tell[0])
+
+
+def between_two(
+    params: ContactParams, places: Array, held: HeldContact, times: int = 0
+) -> Constraint:
+    """Two places (2, 3) that touch, or of which the distance (m) is known; held so `times` before."""
+    distance = held.contacts[0].distance
+    variance = params.contact_sd**2
+    if held.contacts[0].b[0] == PALM:
+        variance += params.mark_sd**2
     difference = places[0] - places[1]
     size = float(np.linalg.norm(difference))
     along = difference[None] / size if distance else np.eye(3)
@@ -82,13 +98,13 @@ def between_two(params: ContactParams, places: Array, distance: float | None) ->
         residual,
         np.stack([along, -along]),
         np.zeros((2, len(along), 3)),
-        params.contact_sd**2 * np.eye(len(along)),
+        growth(times) * variance * np.eye(len(along)),
         float(np.linalg.norm(residual)),
     )
 
 
-def on_a_plane(params: ContactParams, places: Array, vertical: Array) -> Constraint:
-    """Places (k, 3) on a table of unknown height, with the vertical (k, 3) as each place's chain has it."""
+def on_a_plane(params: ContactParams, places: Array, vertical: Array, times: int = 0) -> Constraint:
+    """Places (k, 3) on a table of unknown height, with the vertical (k, 3) as each place's chain has it; held so `times` before."""
     heights = (places * vertical).sum(axis=1)
     off = heights - heights.mean()
     differences = _contrasts(len(places))  # (k - 1, k)
@@ -102,7 +118,7 @@ def on_a_plane(params: ContactParams, places: Array, vertical: Array) -> Constra
         differences @ off,
         differences.T[:, :, None] * vertical[:, None, :],
         differences.T[:, :, None] * places[:, None, :],
-        differences @ noise @ differences.T,
+        growth(times) * differences @ noise @ differences.T,
         float(np.abs(off).max()),
     )
 

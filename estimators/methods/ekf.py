@@ -107,8 +107,6 @@ class State:
     chains: finger_ekf_filter.State
     uncertainty: OutputUncertainty
     of_lengths: Array  # (5, 6, 6) covariance of the lengths: length_covariance.py
-    marks: Array  # (5, 3) m, marks on the palm: ekf_contacts.HandState
-    of_marks: Array  # (5, 3, 3) m^2
     magnetic: magnetometer_resampling.State | None = None  # None: magnetometers are not asked for
     contacts: tuple[Pending, ...] = ()  # still to be used
     contact_outcomes: tuple[ContactOutcome, ...] = ()
@@ -150,7 +148,6 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
         chains,
         uncertainty,
         length_covariance.covariance(calibration.geometry, params.length_sd),
-        *ekf_contacts.start_marks(params, calibration.geometry),
         magnetic,
         ekf_contacts.pending_contacts(params, calibration.contacts),
     )
@@ -320,17 +317,16 @@ def _look_at_contact(params: Params, state: State, pending: Pending) -> State:
         at_rest = replace(pending, q_before=state.chains.q_pc)
         return replace(state, contacts=(*others, at_rest))
     geometry = state.calibration.geometry
+    used = [o.held.contacts for o in state.contact_outcomes if o.used]
     hand, outcome = ekf_contacts.apply(
         params,
-        HandState(state.chains, geometry, state.of_lengths, state.marks, state.of_marks),
-        pending,
+        HandState(state.chains, geometry, state.of_lengths),
+        replace(pending, times=used.count(pending.held.contacts)),
     )
     return replace(
         state,
         chains=hand.chains,
         of_lengths=hand.of_lengths,
-        marks=hand.marks,
-        of_marks=hand.of_marks,
         calibration=replace(state.calibration, geometry=hand.geometry),
         contacts=others,
         contact_outcomes=(*state.contact_outcomes, outcome),

@@ -57,6 +57,7 @@ class Pending:
     """A contact that is still to be used."""
 
     held: HeldContact
+    times: int = 0  # that the same was used before
     q_before: Array | None = (
         None  # (F, 3, 4) the chains' joints when it had come to rest; None: not yet
     )
@@ -75,8 +76,6 @@ class HandState:
     chains: State
     geometry: HandGeometry
     of_lengths: Array  # (5, 6, 6) covariance of the lengths: hand/length_covariance.py
-    marks: Array  # (5, 3) m, marks on the palm, each from the MCP joint of its finger
-    of_marks: Array  # (5, 3, 3) m^2
 
 
 @dataclass(frozen=True)
@@ -87,16 +86,7 @@ class _Touch:
     place: Array  # (3,) m
     by_joints: Array  # (3, 43) by the errors of the chain
     by_lengths: Array  # (3, 6) by those of its lengths
-    by_mark: Array  # (3, 3) by the finger's mark
     vertical: Array  # (3,) as the chain has it
-
-
-def start_marks(params: ContactParams, geometry: HandGeometry) -> tuple[Array, Array]:
-    """Where marks on the palm lie before anything touched them, and their covariances."""
-    size = len(FINGERS)
-    return np.tile(palm_mark(geometry), (size, 1)), np.tile(
-        params.mark_sd**2 * np.eye(3), (size, 1, 1)
-    )
 
 
 def pending_contacts(params: ContactParams, held: Sequence[HeldContact]) -> tuple[Pending, ...]:
@@ -115,11 +105,11 @@ def apply(
     if _is_moving(hand.chains, pending, places):
         return hand, ContactOutcome(held, "moving")
     touches = [_touch(hand, place, held) for place in places]
-    innovation = _innovation(params, hand, held, touches)
+    innovation = _innovation(params, hand, pending, touches)
     missed = innovation.constraint.missed
     if innovation.probability > REFUSED:
         return _corrected(hand, innovation), ContactOutcome(held, "used", missed)
-    without = _without_one(params, hand, held, touches)
+    without = _without_one(params, hand, pending, touches)
     if without is None:
         return hand, ContactOutcome(held, "missed", missed)
     left_out = tuple(
@@ -150,7 +140,6 @@ class _Innovation:
     constraint: Constraint
     by_joints: dict[int, Array]  # (m, 43) by finger
     by_lengths: dict[int, Array]  # (m, 6)
-    by_mark: dict[int, Array]  # (m, 3)
     S: Array  # (m, m) its covariance
 
     @property
@@ -165,40 +154,37 @@ class _Innovation:
 
 
 def _innovation(
-    params: ContactParams, hand: HandState, held: HeldContact, touches: Sequence[_Touch]
+    params: ContactParams, hand: HandState, pending: Pending, touches: Sequence[_Touch]
 ) -> _Innovation:
-    where = np.array([t.place for t in touches])
+    where, held, times = np.array([t.place for t in touches]), pending.held, pending.times
     constraint = (
-        on_a_plane(params, where, np.array([t.vertical for t in touches]))
+        on_a_plane(params, where, np.array([t.vertical for t in touches]), times)
         if held.on_table
-        else between_two(params, where, held.contacts[0].distance)
+        else between_two(params, where, held, times)
     )
     by_joints: dict[int, Array] = {}
     by_lengths: dict[int, Array] = {}
-    by_mark: dict[int, Array] = {}
     for touch, by_place, by_vertical in zip(touches, constraint.by_places, constraint.by_vertical):
         H = by_place @ touch.by_joints
         H[:, OF_HAND] += by_vertical @ quat.skew(touch.vertical)  # q_SB exp(d) turns it by -d
         f = touch.finger
         by_joints[f] = by_joints.get(f, 0.0) + H
         by_lengths[f] = by_lengths.get(f, 0.0) + by_place @ touch.by_lengths
-        by_mark[f] = by_mark.get(f, 0.0) + by_place @ touch.by_mark
     S = constraint.noise
     for f in by_joints:
-        S = S + by_mark[f] @ hand.of_marks[f] @ by_mark[f].T
         S = S + by_joints[f] @ hand.chains.P[f] @ by_joints[f].T
         S = S + by_lengths[f] @ hand.of_lengths[f] @ by_lengths[f].T
-    return _Innovation(touches, constraint, by_joints, by_lengths, by_mark, S)
+    return _Innovation(touches, constraint, by_joints, by_lengths, S)
 
 
 def _without_one(
-    params: ContactParams, hand: HandState, held: HeldContact, touches: Sequence[_Touch]
+    params: ContactParams, hand: HandState, pending: Pending, touches: Sequence[_Touch]
 ) -> _Innovation | None:
     """The likeliest that leaves a finger out which is not on the table; None where that does not explain it, either."""
-    if not held.on_table or len(touches) <= LEAST_ON_TABLE:
+    if not pending.held.on_table or len(touches) <= LEAST_ON_TABLE:
         return None
     fewer = [
-        _innovation(params, hand, held, [t for t in touches if t is not one]) for one in touches
+        _innovation(params, hand, pending, [t for t in touches if t is not one]) for one in touches
     ]
     best = max(fewer, key=lambda i: i.probability)
     return best if best.probability > LIKELY else None
@@ -209,9 +195,9 @@ def _touch(hand: HandState, place: Place, held: HeldContact) -> _Touch:
     nothing = np.zeros((3, SIZE))
     if name == PALM:
         f = FINGERS.index(point)
-        mark = geometry.roots()[f] + hand.marks[f]
+        mark = geometry.roots()[f] + palm_mark(geometry)
         by_lengths = np.hstack([np.eye(3), np.zeros((3, 3))])
-        return _Touch(f, mark, nothing, by_lengths, np.eye(3), np.zeros(3))
+        return _Touch(f, mark, nothing, by_lengths, np.zeros(3))
     f = FINGERS.index(name)
     q, A = np.empty((3, 4)), np.zeros((9, SIZE))
     _fill_joints(
@@ -228,8 +214,7 @@ def _touch(hand: HandState, place: Place, held: HeldContact) -> _Touch:
         offsets[-1] += offset(geometry, name, point, FINGERTIPS[name])
     bones, J = _point(q, geometry.roots()[f], offsets)
     by_lengths = np.hstack([np.eye(3), bones[1:].T])
-    by_joints = (J + rolling) @ A
-    return _Touch(f, bones.sum(axis=0), by_joints, by_lengths, np.zeros((3, 3)), vertical)
+    return _Touch(f, bones.sum(axis=0), (J + rolling) @ A, by_lengths, vertical)
 
 
 def _pulp(q_pc: Array, geometry: HandGeometry, finger: str, towards: Array) -> tuple[Array, Array]:
@@ -255,16 +240,13 @@ def _point(q_pc: Array, root: Array, offsets: Array) -> tuple[Array, Array]:
 
 def _corrected(hand: HandState, found: _Innovation) -> HandState:
     S, weighed, chains, geometry = found.S, found.weighed, hand.chains, hand.geometry
-    of_lengths, marks, of_marks = (x.copy() for x in (hand.of_lengths, hand.marks, hand.of_marks))
+    of_lengths = hand.of_lengths.copy()
     for f, H in found.by_joints.items():
         lengths_H = of_lengths[f] @ found.by_lengths[f].T
         geometry = _resized(geometry, FINGERS[f], lengths_H @ weighed)
         of_lengths[f] -= lengths_H @ np.linalg.solve(S, lengths_H.T)
         chains = _corrected_chain(chains, f, H, S, weighed)
-        mark_H = of_marks[f] @ found.by_mark[f].T
-        marks[f] += mark_H @ weighed
-        of_marks[f] -= mark_H @ np.linalg.solve(S, mark_H.T)
-    return HandState(chains, geometry, of_lengths, marks, of_marks)
+    return HandState(chains, geometry, of_lengths)
 
 
 def _resized(geometry: HandGeometry, finger: str, change: Array) -> HandGeometry:

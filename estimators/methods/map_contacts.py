@@ -46,7 +46,7 @@ from handscope.estimators.self_calibration.result import Finger
 REFUSED = 1e-3  # probability of such an innovation if they touch
 EARLY, LATE = 0.4, 0.75  # shares of a hold: fingers have come to rest; what is held is used
 STILL = np.radians(4.0)  # most that a joint turns between the two
-EACH = 10  # errors of a finger: its last sensor about z, its root, its bones' shares, its mark
+EACH = 7  # errors of a finger: its last sensor about z, its root, its bones' shares
 COUNT = 3 + EACH * len(FINGERS)  # those of the hand's sensor first
 STEP = 1e-5  # rad, m, of differences
 Z, PALMAR = np.array([0.0, 0.0, 1.0]), np.array([-1.0, 0.0, 0.0])
@@ -58,6 +58,15 @@ class _Touch:
 
     place: Array  # (3,) m
     by_errors: Array  # (3, COUNT)
+
+
+@dataclass(frozen=True)
+class _When:
+    """What of the movement a contact is looked at with."""
+
+    row: int
+    drift: float  # rad, of tracking
+    times: int  # that the same was used before
 
 
 @dataclass(frozen=True)
@@ -78,7 +87,8 @@ def apply(
 ) -> Found:
     """The contacts one after the other, each around what the ones before it told."""
     before = _covariance(params, calibration, fingers)
-    errors, P, outcomes = np.zeros(COUNT), before, []
+    errors, P = np.zeros(COUNT), before
+    outcomes: list[ContactOutcome] = []
     stretch = max(f.t[0] for f in fingers), min(f.t[-1] for f in fingers)
     known = {f.name for f in fingers if CHAINS.get(f.name, ("",))[-1] in f.segments.q_BS}
     for held in contacts:
@@ -87,9 +97,10 @@ def apply(
         outcome = _reason(movement, held, places, rows)
         if outcome is None:
             inside = stretch[0] <= held.onset and held.end <= stretch[1]
-            drift = 0.0 if inside else np.radians(params.tracked)
+            times = [o.held.contacts for o in outcomes if o.used].count(held.contacts)
+            when = _When(rows[1], 0.0 if inside else np.radians(params.tracked), times)
             constraint, H = _measurement(
-                params, movement, calibration.geometry, held, places, rows[1], errors, drift
+                params, movement, calibration.geometry, held, places, errors, when
             )
             S = constraint.noise + H @ P @ H.T
             gain = np.linalg.solve(S, H @ P).T
@@ -124,7 +135,6 @@ def _covariance(params: Params, calibration: Calibration, fingers: Sequence[Fing
                 share = calibration.lengths_sd[segment] / calibration.geometry.lengths[segment]
                 own[4 + k, 1:7] = own[1:7, 4 + k] = 0.0
                 own[4 + k, 4 + k] = share**2
-        own[7:, 7:] = params.mark_sd**2 * np.eye(3)
     return variance
 
 
@@ -155,12 +165,11 @@ def _measurement(
     geometry: HandGeometry,
     held: HeldContact,
     places: Sequence[Place],
-    row: int,
     errors: Array,
-    drift: float,
+    when: _When,
 ) -> tuple[Constraint, Array]:
     """A contact around the errors found so far, and its derivative by all of them."""
-    q_GS = movement.q_GS[row]
+    q_GS = movement.q_GS[when.row]
 
     def touch(e: Array) -> tuple[Array, Array]:
         up = _vertical(q_GS, e)
@@ -169,8 +178,8 @@ def _measurement(
     def constrain(e: Array) -> Constraint:
         where, up = touch(e)
         if held.on_table:
-            return on_a_plane(params, where, np.tile(up, (len(where), 1)))
-        return between_two(params, where, held.contacts[0].distance)
+            return on_a_plane(params, where, np.tile(up, (len(where), 1)), when.times)
+        return between_two(params, where, held, when.times)
 
     found = constrain(errors)
     columns = [*range(3), *(k for name, at in places for k in _columns(name, at))]
@@ -181,7 +190,7 @@ def _measurement(
         H[:, k] = (constrain(moved).residual - found.residual) / STEP
     where, _ = touch(errors)
     roots = np.array([geometry.roots()[FINGERS.index(at if n == PALM else n)] for n, at in places])
-    arms = drift**2 * ((where - roots) ** 2).sum(axis=1)
+    arms = when.drift**2 * ((where - roots) ** 2).sum(axis=1)
     drifting = np.einsum("kma,k,kna->mn", found.by_places, arms, found.by_places)
     return replace(found, noise=found.noise + drifting), H
 
@@ -205,7 +214,7 @@ def _place(
     own, f = errors[_of(finger)], FINGERS.index(finger)
     root = geometry.roots()[f] + own[1:4]
     if name == PALM:
-        return np.asarray(root + palm_mark(geometry) + own[7:])
+        return np.asarray(root + palm_mark(geometry))
     q_HB = quat.relative(q_GS[SEGMENT["hand"]], q_GS[[SEGMENT[s] for s in CHAINS[finger]]])
     q_HB = quat.multiply(quat.exp(errors[:3]), q_HB)
     q_HB[2] = quat.multiply(q_HB[2], quat.exp(-own[0] * Z))
@@ -270,7 +279,7 @@ def _reduced(sd: Array, slopes: Array, less: Array) -> Array:
 def _output_slopes(
     q_GB: Mapping[str, Array], finger: Finger, geometry: HandGeometry
 ) -> tuple[Array, Array]:
-    """Derivatives of angles (m, joints, 3, 13) and of the tip (m, 3, 13) by the hand's and the finger's errors."""
+    """Derivatives of angles (m, joints, 3, 10) and of the tip (m, 3, 10) by the hand's and the finger's errors."""
     rows, last = finger.sure.rows, CHAINS[finger.name][-1]
 
     def outputs(e: Array) -> tuple[Array, Array]:

@@ -4,13 +4,20 @@ import numpy as np
 import pytest
 
 from handscope.estimators.data.contact_constraint import (
+    LASTING,
     ContactParams,
     between_two,
+    growth,
     on_a_plane,
     places_of,
 )
 from handscope.estimators.data.events import Event
-from handscope.estimators.data.held_contact import held_contacts, parse_contacts
+from handscope.estimators.data.held_contact import (
+    Contact,
+    HeldContact,
+    held_contacts,
+    parse_contacts,
+)
 from handscope.estimators.numerics.typing import Array
 
 PARAMS, STEP = ContactParams(), 1e-6
@@ -88,7 +95,9 @@ def test_derivatives_by_places_and_vertical_are_those_of_differences(
 ) -> None:
     places, up = 0.1 * rng.normal(size=(4, 3)), vertical_of(4)
     plane = on_a_plane(PARAMS, places, up)
-    touch, spaced = (between_two(PARAMS, places[:2], d) for d in (None, 0.05))
+    a, b = ("thumb", "bottom"), ("index", "bottom")
+    pairs = [HeldContact((Contact(a, b, d),), 0.0, 2.0) for d in (None, 0.05)]
+    touch, spaced = (between_two(PARAMS, places[:2], pair) for pair in pairs)
     for k in range(4):
         for a in range(3):
             moved, turned = places.copy(), up.copy()
@@ -98,8 +107,15 @@ def test_derivatives_by_places_and_vertical_are_those_of_differences(
             by_up = (on_a_plane(PARAMS, places, turned).residual - plane.residual) / STEP
             np.testing.assert_allclose(plane.by_places[k, :, a], by_place, atol=1e-8)
             np.testing.assert_allclose(plane.by_vertical[k, :, a], by_up, atol=1e-8)
-            for one, distance in ((touch, None), (spaced, 0.05)) if k < 2 else ():
-                after = between_two(PARAMS, moved[:2], distance).residual
+            for one, pair in zip((touch, spaced), pairs if k < 2 else ()):
+                after = between_two(PARAMS, moved[:2], pair).residual
                 np.testing.assert_allclose(
                     one.by_places[k, :, a], (after - one.residual) / STEP, atol=1e-4
                 )
+
+
+def test_a_contact_that_is_held_again_never_tells_more_than_what_lasts_allows() -> None:
+    information = np.cumsum([1 / growth(times) for times in range(200)])
+    assert information[0] == 1.0
+    assert (np.diff(information) > 0).all()
+    np.testing.assert_allclose(information[-1], 1 / LASTING, rtol=0.01)

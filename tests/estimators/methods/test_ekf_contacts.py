@@ -17,6 +17,7 @@ from handscope.estimators.hand.anatomy import FINGERS, IS_DOF, JOINT, JOINTS
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.messages.sentence import codes_of
 from handscope.estimators.methods import ekf, ekf_contacts
+from handscope.estimators.methods.ekf_contacts import Pending
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline import contacts
@@ -182,13 +183,11 @@ def test_a_contacts_derivatives_are_those_of_differences(touch: str) -> None:
         state, _ = ekf.step(ekf.Params(), state, block.between(calibration.t, held.onset + 0.5))
 
     def measured(chains: State) -> ekf_contacts._Innovation:
-        hand = ekf_contacts.HandState(
-            chains, calibration.geometry, state.of_lengths, state.marks, state.of_marks
-        )
+        hand = ekf_contacts.HandState(chains, calibration.geometry, state.of_lengths)
         touches = [
             ekf_contacts._touch(hand, place, held) for place in contact_constraint.places_of(held)
         ]
-        return ekf_contacts._innovation(ekf.Params(), hand, held, touches)
+        return ekf_contacts._innovation(ekf.Params(), hand, Pending(held), touches)
 
     found = measured(state.chains)
     step = 1e-5
