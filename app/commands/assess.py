@@ -3,7 +3,8 @@
 import argparse
 from pathlib import Path
 
-from handscope.app.commands.methods import add_method, add_recording, exit_code, run_method
+from handscope.app.commands.method_arguments import add_method, add_recording
+from handscope.app.commands.methods import exit_code, run_method
 from handscope.app.commands.words import counted, output_folder, require_file, require_folder, say
 from handscope.app.language import DEFAULT, language, languages
 from handscope.app.protocols import load_all

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from handscope.app.commands.methods import add_recording
+from handscope.app.commands.method_arguments import add_recording
 from handscope.app.commands.words import say
 from handscope.app.devices import strip_flash
 from handscope.app.options import help_text, parse, with_options

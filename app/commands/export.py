@@ -3,7 +3,8 @@
 import argparse
 from pathlib import Path
 
-from handscope.app.commands.methods import add_method, add_recording, run_method
+from handscope.app.commands.method_arguments import add_method, add_recording
+from handscope.app.commands.methods import run_method
 from handscope.app.commands.words import counted, output_folder, require_file, say
 from handscope.app.exporting import fhir_server
 from handscope.app.exporting.saving import require_place, save

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from handscope.app.commands.methods import add_recording
+from handscope.app.commands.method_arguments import add_recording
 from handscope.app.commands.shortfalls import shortfalls
 from handscope.app.commands.words import require_file, say
 from handscope.estimators.fault_detection.finding import Suspicion, Untested

@@ -4,16 +4,13 @@ import argparse
 import os
 from pathlib import Path
 
-from handscope.app.commands.methods import add_method, exit_code, method_of, run_method
+from handscope.app.commands.method_arguments import add_method
 from handscope.app.commands.words import counted, output_folder, progress_bar, say
-from handscope.app.options import parse
 from handscope.app.version import software_version
 from handscope.app.workers.deadline import LIMIT
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand.anatomy import HANDS
+from handscope.estimators.hand.sides import HANDS
 from handscope.sessions.exports import FORMATS, format_of
-from handscope.sessions.formats import derivative
-from handscope.sessions.tables_io.writing import save_folder
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -77,6 +74,10 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError("command.format_is_of_cohort")
     if not arguments.time_limit > 0:
         raise InputError("command.time_limit_form", time_limit=arguments.time_limit)
+    from handscope.app.commands.methods import exit_code, run_method  # here: not for --help
+    from handscope.sessions.formats import derivative
+    from handscope.sessions.tables_io.writing import save_folder
+
     done = run_method(arguments, arguments.time_limit)
     processed = done.processed
     files = derivative.tree(processed, done.recording, done.method, done.params, software_version())
@@ -90,7 +91,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _cohort(arguments: argparse.Namespace) -> int:
     """0 where every recording has its derivative, 1 where some failed: they are named."""
+    from handscope.app.commands.methods import method_of
     from handscope.app.exporting import cohort
+    from handscope.app.options import parse
 
     method_of(arguments)
     if arguments.calibration is not None:

@@ -6,7 +6,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import cast
 
-from handscope.app.commands.methods import add_method, method_of
+from handscope.app.commands.method_arguments import add_method
+from handscope.app.commands.methods import method_of
 from handscope.app.commands.shortfalls import shortfalls
 from handscope.app.commands.words import (
     output_folder,

@@ -13,14 +13,12 @@ deviation and pronation are positive on both.
 """
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
+from handscope.estimators.hand.sides import HANDS as HANDS
+from handscope.estimators.hand.sides import Hand as Hand
 from handscope.estimators.numerics.typing import Array
-
-Hand = Literal["left", "right"]
-HANDS: tuple[Hand, Hand] = ("left", "right")
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
 PHALANGES = dict.fromkeys(FINGERS, ("proximal", "middle", "distal")) | {

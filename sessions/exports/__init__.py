@@ -3,10 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
+from typing import TYPE_CHECKING
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.messages.sentence import phrase
-from handscope.sessions.exports.measured import Exported, Measured
+
+if TYPE_CHECKING:
+    from handscope.sessions.exports.measured import Exported, Measured
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,7 @@ def download_ending(wanted: Format) -> str:
     return ".zip" if wanted.beside or not wanted.ending else wanted.ending
 
 
-def export(measured: Measured, name: str) -> Exported:
+def export(measured: "Measured", name: str) -> "Exported":
     """The files of one format."""
     module = import_module(f"{__name__}.{format_of(name).module}")
     made: Exported = module.write(measured)

@@ -53,7 +53,7 @@ def _commands(folder: Path) -> list[Metric]:
     wanted = (
         (f"{IMPORTS} (yardstick)", ("-c", IMPORTS), None),
         ("handscope --help", (*handscope, "--help"), 0.15),
-        ("handscope process --help", (*handscope, "process", "--help"), None),
+        ("handscope process --help", (*handscope, "process", "--help"), 0.15),
         ("process of 40 s, native", (*process, str(folder / "r.mcap")), 1.0),
         ("process of 40 s, Motion-BIDS", (*process, str(folder / "r.zip")), 1.5),
     )

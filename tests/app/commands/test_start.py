@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from handscope.app.cli import EVIDENCE, MODULES, VERBS
+from handscope.app.commands import method_arguments, method_help
 
 ROOT = Path(__file__).parents[3]
 HEAVY = (  # each takes 30 ms and more to import
@@ -66,7 +67,7 @@ SIMULATED = {"numba", "numpy", "scipy.interpolate", "scipy.optimize", "scipy.spe
 MAY = {  # what each other verb may import; nothing heavy where it is not here
     **dict.fromkeys(("account", "ward", "audit", "login", "servers", "backup", "restore"), OFFICE),
     "data-key": OFFICE | {"mcap"},
-    **dict.fromkeys(("process", "info"), OFFLINE),
+    "info": OFFLINE,
     **dict.fromkeys(("assess", "export"), FIGURES),
     **dict.fromkeys(("record", "doctor"), OFFLINE | {"serialx"}),
     **dict.fromkeys(("glove", "samples"), SIMULATED | {"mcap"}),
@@ -89,6 +90,16 @@ def test_a_verb_imports_nothing_heavy_that_it_does_not_use(verb: str) -> None:
     room = "validation" if verb in EVIDENCE else "app"
     name = MODULES.get(verb, verb.replace("-", "_"))
     assert sorted(heavy_of(f"handscope.{room}.commands.{name}") - MAY.get(verb, set())) == []
+
+
+def test_processing_imports_nothing_heavy_that_it_does_not_use() -> None:
+    assert sorted(heavy_of("handscope.app.commands.methods") - OFFLINE) == []
+
+
+def test_the_help_of_methods_is_what_the_methods_say() -> None:
+    """Kept in a file: made again by `python -P -m handscope.app.commands.method_help > app/commands/method_help.json`."""
+    kept = ROOT / "app" / "commands" / method_arguments.HELP
+    assert kept.read_text("utf-8") == method_help.text()
 
 
 def test_the_command_line_itself_imports_nothing_heavy() -> None:

@@ -1,0 +1,6 @@
+"""The two hands."""
+
+from typing import Literal
+
+Hand = Literal["left", "right"]
+HANDS: tuple[Hand, Hand] = ("left", "right")
