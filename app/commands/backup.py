@@ -6,7 +6,6 @@ from pathlib import Path
 
 from handscope.app.commands.words import add_store, counted, require_file, say
 from handscope.app.version import software_version
-from handscope.sessions.store import backup
 
 RECIPIENTS = "HANDSCOPE_BACKUP_RECIPIENTS"
 
@@ -31,6 +30,8 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """0 where all is in; 1 where a recording was missing or damaged on the disk: it is named, everything else is in."""
+    from handscope.sessions.store import backup  # here: not for --help
+
     require_file(arguments.file)
     recipients = arguments.recipient or os.environ.get(RECIPIENTS, "").split()
     made = backup.write(

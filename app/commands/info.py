@@ -4,18 +4,14 @@ import argparse
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from handscope.app.commands.method_arguments import add_recording
-from handscope.app.commands.shortfalls import shortfalls
 from handscope.app.commands.words import require_file, say
-from handscope.estimators.fault_detection.finding import Suspicion, Untested
-from handscope.estimators.fault_detection.words import sentence
-from handscope.estimators.recording_checks.check import suspicions_of, untested_of
-from handscope.sessions.files.recording import LoadedRecording
-from handscope.sessions.formats import recordings as formats_recordings
-from handscope.sessions.formats.derivative import finding_table, untested_table
-from handscope.sessions.tables_io.writing import save_file
+
+if TYPE_CHECKING:
+    from handscope.estimators.fault_detection.finding import Suspicion, Untested
+    from handscope.sessions.files.recording import LoadedRecording
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -28,6 +24,12 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
+    from handscope.app.commands.shortfalls import shortfalls  # here: not for --help
+    from handscope.estimators.fault_detection.words import sentence
+    from handscope.estimators.recording_checks.check import suspicions_of, untested_of
+    from handscope.sessions.formats import recordings as formats_recordings
+    from handscope.sessions.tables_io.writing import save_file
+
     if arguments.json:
         require_file(arguments.json)
     recording = formats_recordings.load(arguments.recording, arguments.hand)
@@ -61,11 +63,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _table(
-    recording: LoadedRecording,
+    recording: "LoadedRecording",
     cut: Sequence[str],
-    suspicions: Sequence[Suspicion],
-    untested: Untested,
+    suspicions: "Sequence[Suspicion]",
+    untested: "Untested",
 ) -> dict[str, Any]:
+    from handscope.estimators.fault_detection.words import sentence
+    from handscope.sessions.formats.derivative import finding_table, untested_table
+
     streams = [
         {
             "name": name,

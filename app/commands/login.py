@@ -5,7 +5,6 @@ from pathlib import Path
 
 from handscope.app.commands.words import default_data, say
 from handscope.estimators.errors import InputError
-from handscope.sessions.login.logins import new_token
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -38,4 +37,6 @@ def running_server(data: Path) -> str | None:
 
 def one_time_address(base: str, data: Path) -> str:
     """An address of the server that logs in once."""
+    from handscope.sessions.login.logins import new_token  # here: not for --help
+
     return f"{base}/login?token={new_token(data)}"

@@ -6,8 +6,6 @@ from typing import Any
 
 from handscope.app.commands.words import counted, database_url, progress_bar, say
 from handscope.estimators.errors import InputError
-from handscope.sessions.store import backup
-from handscope.sessions.store.sealed_files import unsealed
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -42,6 +40,9 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
+    from handscope.sessions.store import backup  # here: not for --help
+    from handscope.sessions.store.sealed_files import unsealed
+
     if arguments.check:
         with unsealed(arguments.file, arguments.key) as plain:
             manifest = backup.check(plain)

@@ -4,8 +4,6 @@ import argparse
 
 from handscope.app.commands.words import add_store, say
 from handscope.estimators.errors import InputError
-from handscope.sessions.store import shared_servers
-from handscope.sessions.store.store import store_at
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -20,6 +18,9 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
+    from handscope.sessions.store import shared_servers  # here: not for --help
+    from handscope.sessions.store.store import store_at
+
     if not shared_servers.find_identity(arguments.data):
         raise InputError("store.server_shares_nothing", folder=str(arguments.data))
     store = store_at(arguments.data, arguments.database)

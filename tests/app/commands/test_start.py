@@ -65,9 +65,8 @@ OFFLINE = {"mcap", "numba", "numpy", "scipy.interpolate", "scipy.special", "vqf"
 FIGURES = OFFLINE | {"babel", "scipy.ndimage", "scipy.signal", "scipy.spatial"}
 SIMULATED = {"numba", "numpy", "scipy.interpolate", "scipy.optimize", "scipy.special"}
 MAY = {  # what each other verb may import; nothing heavy where it is not here
-    **dict.fromkeys(("account", "ward", "audit", "login", "servers", "backup", "restore"), OFFICE),
+    **dict.fromkeys(("account", "ward", "audit"), OFFICE),
     "data-key": OFFICE | {"mcap"},
-    "info": OFFLINE,
     **dict.fromkeys(("assess", "export"), FIGURES),
     **dict.fromkeys(("record", "doctor"), OFFLINE | {"serialx"}),
     **dict.fromkeys(("glove", "samples"), SIMULATED | {"mcap"}),
