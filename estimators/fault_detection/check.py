@@ -42,7 +42,7 @@ def check_recording(
     list of Suspicion
         Faults of the file first, then those of single sensors, then of sensors against each other and the declared hand.
     """
-    alone = check_sensors(blocks)
+    alone = check_sensors(blocks, compared.cells if compared else None)
     spoils = any(
         s.message.severity == "fault" and "magnetometer" not in s.message.code for s in alone
     )

@@ -8,12 +8,10 @@ Limits  says what a fault of that size would have shown; smaller ones need more 
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from handscope.estimators.data.calibration import Calibration
-from handscope.estimators.data.findings import whole_streams
 from handscope.estimators.data.samples import Block, Recording
 from handscope.estimators.fault_detection.finding import Untested
 from handscope.estimators.fault_detection.neighbours import (
@@ -28,7 +26,7 @@ from handscope.estimators.fault_detection.neighbours.check_neighbours import (
 from handscope.estimators.fault_detection.neighbours.rates import rate_tests, synchrony
 from handscope.estimators.fault_detection.neighbours.rates.common_rates import CommonRates
 from handscope.estimators.fault_detection.single_sensors import gyroscope_check, rest_turns
-from handscope.estimators.fault_detection.single_sensors.cells import begins, cells_of
+from handscope.estimators.fault_detection.single_sensors.cells import Cells, begins
 from handscope.estimators.fault_detection.single_sensors.gravity_fit import information_of
 from handscope.estimators.fault_detection.single_sensors.gravity_windows import windows_of
 from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS
@@ -59,8 +57,8 @@ def untested(
     compared : Compared, optional
         Of the same recording, where other checks share it.
     """
-    by_gravity = _shown_by_gravity(blocks)
     compared = compared or Compared(blocks, declared, calibrations)
+    by_gravity = _shown_by_gravity(compared.cells)
     pairs, rates = compared.pairs, compared.rates
     sensors = [
         s
@@ -79,17 +77,17 @@ def untested(
     )
 
 
-def _shown_by_gravity(blocks: Sequence[Block]) -> dict[str, dict[float, bool]]:
+def _shown_by_gravity(cells: Cells) -> dict[str, dict[float, bool]]:
     """By sensor of inertial streams and gain: whether gravity tells it, in movement or from one rest to the next."""
-    cells = cells_of([b for b in whole_streams(blocks) if (np.diff(b.t) > 0).all()])
     if not len(begins(len(cells.valid))):
         return {s: dict.fromkeys(GAINS, False) for s in cells.sensors}
     right = information_of(windows_of(cells, np.eye(3)))
     shown: dict[str, dict[float, bool]] = {s: {} for s in cells.sensors}
+    rests: rest_turns.Rests = {}
     for gain in GAINS:
         wrong = information_of(windows_of(cells, gain * np.eye(3)))
         moving = gyroscope_check.p_values_of_gain(right, wrong) < FALSE_ALARMS
-        turns = rest_turns.find(replace(cells, gyr=cells.gyr * gain), ~moving)
+        turns = rest_turns.find(cells, ~moving, gain * np.eye(3), rests)
         resting = {cells.sensors[t.sensor] for t in turns if t.p_value < FALSE_ALARMS}
         for s, is_moving in zip(cells.sensors, moving):
             shown[s][gain] = bool(is_moving) or s in resting
@@ -99,10 +97,10 @@ def _shown_by_gravity(blocks: Sequence[Block]) -> dict[str, dict[float, bool]]:
 def _gain_shows(rates: CommonRates | None, sensor: str, gain: float) -> bool:
     if rates is None or sensor not in rates.pairs.series.sensors:  # the trunk's has no neighbour
         return False
-    if rates.explains and rate_tests.p_value_of_gain(rates, sensor, gain) < FALSE_ALARM:
-        return True
     wrong = rates.pairs.with_gain(sensor, 1.0 / gain)
     if gains.p_value_of(wrong, rates.pairs, sensor, gain) < FALSE_ALARM:
+        return True
+    if rates.explains and rate_tests.p_value_of_gain(rates, sensor, gain) < FALSE_ALARM:
         return True
     return any(
         u.p_value < FALSE_ALARM * len(wrong.joints) / len(rates.pairs.joints)

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from handscope.estimators.data.calibration import Calibration
+from handscope.estimators.data.findings import whole_streams
 from handscope.estimators.data.samples import Block, Event, Recording
 from handscope.estimators.fault_detection.finding import Message, Suspicion
 from handscope.estimators.fault_detection.neighbours import (
@@ -38,6 +39,7 @@ from handscope.estimators.fault_detection.neighbours.suspicions import (
     whole_span,
 )
 from handscope.estimators.fault_detection.neighbours.unexplained import Unexplained
+from handscope.estimators.fault_detection.single_sensors.cells import Cells, cells_of
 from handscope.estimators.hand.anatomy import Hand, side_sign
 from handscope.estimators.hand.geometry import HandGeometry, root_joint
 from handscope.estimators.numerics import quaternions as quat
@@ -76,6 +78,12 @@ class Compared:
     blocks: Sequence[Block]
     declared: Recording
     calibrations: Sequence[Calibration]
+
+    @cached_property
+    def cells(self) -> Cells:
+        """Readings of every sensor by itself, of streams whose times run forward."""
+        forward = [b for b in whole_streams(self.blocks) if (np.diff(b.t) > 0).all()]
+        return cells_of(forward)
 
     @cached_property
     def pairs(self) -> Pairs | None:

@@ -83,13 +83,15 @@ DIFFERENT = 0.3  # of an element of the matrix, times how much that axis turned 
 SMALL = 0.15  # of a gain that is a warning only
 
 
-def check_sensors(blocks: Sequence[Block]) -> list[Suspicion]:
+def check_sensors(blocks: Sequence[Block], cells: Cells | None = None) -> list[Suspicion]:
     """What is probably wrong with sensors or with the file.
 
     Parameters
     ----------
     blocks : sequence of Block
         Samples of all streams, in order a stream.
+    cells : Cells, optional
+        Of these samples, where other checks share them.
 
     Returns
     -------
@@ -99,10 +101,11 @@ def check_sensors(blocks: Sequence[Block]) -> list[Suspicion]:
     whole = whole_streams(blocks)
     backward = backward_times(whole)
     whole = [b for b in whole if (np.diff(b.t) > 0).all()]
+    cells = cells_of(whole) if cells is None else cells
     frozen = frozen_stretches(whole)
     lost = [s for s in lost_rows(whole) if not _beside(s, frozen)]
     slipped = [s for s in sudden_turns(whole) if not _beside(s, [*frozen, *lost])]
-    cells = _without(cells_of(whole), [*frozen, *lost, *map(_at_its_start, slipped)])
+    cells = _without(cells, [*frozen, *lost, *map(_at_its_start, slipped)])
     sizes, factor = accelerometer_sizes(cells)
     cells = replace(cells, acc=cells.acc * factor)
     gyroscopes = check_gyroscopes(cells)

@@ -78,6 +78,10 @@ class _Pair:
         return float(np.arccos(np.clip(there @ self.after, -1.0, 1.0)))
 
 
+IDENTITY = np.eye(3)
+Rests = dict[int, list[_Pair]]  # by column of the cells
+
+
 def _product(q: Array) -> Array:
     """Product (4,) of rotations (n, 4) in order, of neighbours first."""
     while len(q) > 1:
@@ -86,7 +90,9 @@ def _product(q: Array) -> Array:
     return q[0] if len(q) else quat.IDENTITY
 
 
-def find(cells: Cells, asked: NDArray[np.bool_]) -> list[RestTurn]:
+def find(
+    cells: Cells, asked: NDArray[np.bool_], M: Array = IDENTITY, known: Rests | None = None
+) -> list[RestTurn]:
     """Gyroscopes that do not turn gravity from one rest to the next.
 
     Parameters
@@ -95,14 +101,21 @@ def find(cells: Cells, asked: NDArray[np.bool_]) -> list[RestTurn]:
         Readings of S sensors in SI units.
     asked : array (S,)
         Whose gyroscopes are asked.
+    M : array (3, 3)
+        By which the readings are multiplied first.
+    known : dict, optional
+        Rests of the same cells, found before; those that are missing are added.
     """
-    pairs = {int(k): list(_pairs(cells, int(k))) for k in np.flatnonzero(asked)}
+    known = {} if known is None else known
+    columns = [int(k) for k in np.flatnonzero(asked)]
+    known.update({k: list(_pairs(cells, k)) for k in columns if k not in known})
+    pairs = {k: known[k] for k in columns}
     tests, found = max(1, sum(len(p) for p in pairs.values())), []
     for k, own in pairs.items():
         if not own:
             continue
-        off = np.array([p.off(np.eye(3)) for p in own])
-        z = off / [p.sd(np.eye(3)) for p in own]
+        off = np.array([p.off(M) for p in own])
+        z = off / [p.sd(M) for p in own]
         worst, first = int(np.argmax(z)), int(np.argmax(z > MISSES))
         rests = [
             (cells.start + CELL * a, cells.start + CELL * b) for a, b in (p.cells for p in own)
