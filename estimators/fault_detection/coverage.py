@@ -70,7 +70,7 @@ def untested(
         for finger, chain in CHAINS.items()
         if set(chain) <= set(by_gravity) and not set(chain) & set(named)
     ]
-    together = set() if pairs is None else set(synchrony.comparable_fingers(pairs))
+    together = set() if pairs is None else set(synchrony.comparable_fingers(pairs, LATE))
     return Untested(
         tuple(sensors),
         tuple(f for f in strips if f not in together and not _delay_shows(rates, f)),

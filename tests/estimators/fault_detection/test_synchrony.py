@@ -172,6 +172,13 @@ def _fast_fist(late: float) -> list[Block]:
     return [Block(Stream("imu", sensors, (GYR, ACC), 100.0), t, values)]
 
 
+def test_a_rhythm_does_not_test_a_lag_of_half_its_period() -> None:
+    pairs = neighbours.prepare_pairs(_fast_fist(0.0), GEOMETRY, {}, [])
+    assert pairs is not None
+    assert set(synchrony.comparable_fingers(pairs, (0.1, -0.1))) >= set(CHAINS) - {"thumb"}
+    assert synchrony.comparable_fingers(pairs, (0.2, -0.2)) == []
+
+
 @pytest.mark.parametrize(("late", "named"), [(0.1, [CHAINS["index"]]), (0.0, [])])
 def test_a_thumb_half_a_period_off_contradicts_no_lag_of_a_rhythm(
     late: float, named: list[tuple[str, ...]]

@@ -153,8 +153,8 @@ def find(pairs: Pairs, faulty: Sequence[str] = ()) -> list[Delay]:
     return [*single, *_best_spans(signals, together, spans, unexplained)]
 
 
-def comparable_fingers(pairs: Pairs) -> list[str]:
-    """Fingers whose strip moves together with enough others for a lag to show."""
+def comparable_fingers(pairs: Pairs, lags: Sequence[float]) -> list[str]:
+    """Fingers whose strip moves together with enough others for these lags (s) to show: a rhythm looks the same half a period later, but for its sign."""
     if "hand" not in pairs.series.sensors:
         return []
     signals = _signals(pairs)
@@ -163,7 +163,10 @@ def comparable_fingers(pairs: Pairs) -> list[str]:
     last = {f: chain[-1] for f, chain in CHAINS.items() if set(chain) <= set(signals.names)}
     (whole,) = signals.unexplained_shares(_spans(signals.t)[:1])
     in_time = np.abs(signals.lags[whole.argmin(axis=1)]) < LEAST - SPREAD
-    coherent = (whole.min(axis=1) < PREFILTER) & in_time
+    at_lags = [int(np.argmin(np.abs(signals.lags - lag))) for lag in lags]
+    left = np.log(whole + GAIN_ERROR**2)
+    differs = (left[:, at_lags].min(axis=1) - left.min(axis=1)) > 2 * MARGIN
+    coherent = (whole.min(axis=1) < PREFILTER) & in_time & differs
     columns = [signals.names.index(s) for s in last.values()]
     enough = coherent[columns][:, columns].sum(axis=1) - 1 >= FEWEST
     return [finger for finger, is_enough in zip(last, enough) if is_enough]
