@@ -60,6 +60,7 @@ SPILLED = """() => {
   const cut = boxes.filter((e) => wide(e) && getComputedStyle(e).display !== "inline" && !e.closest(".visually-hidden, .plot, .over, .views"));
   return cut.map((e) => `${e.tagName}.${e.className}: ${e.textContent.slice(0, 60)}`);
 }"""  # words wider than the box that they stand in
+WIDE_PANELS = """() => [...document.querySelectorAll(".panel")].filter((e) => e.scrollWidth > e.clientWidth + 1).map((e) => e.textContent.slice(0, 80))"""
 SLIDING = """() => [...document.querySelectorAll(".scroll")].filter((e) => e.scrollWidth > e.clientWidth + 1 && e.checkVisibility()).map((e) => e.ariaLabel)"""
 
 
@@ -93,6 +94,7 @@ def fits(page: Page, name: str, width: int) -> None:
     assert page.evaluate("document.documentElement.scrollWidth") <= width, (
         f"{name} scrolls sideways at {width} px"
     )
+    assert page.evaluate(WIDE_PANELS) == [], f"{name} at {width} px"
 
 
 @pytest.fixture
