@@ -84,7 +84,6 @@ class FusedRows(NamedTuple):
     variance: Array  # (n, segments) rad^2
     flags: Array  # (n, segments)
     added_variance: Array  # (n, segments) rad^2, of sensors that appear or are noisier
-    silent_variance: float  # rad^2/s, of what is silent and goes on turning
 
 
 class SensorTurns(NamedTuple):
@@ -153,7 +152,7 @@ def buffer_blocks(
 
 
 def align_samples(
-    state: State, rows: Rows, q_GB: Array, instant: bool, fused: bool, max_gap: float
+    state: State, rows: Rows, q_GB: Array, instant: bool, fused: bool
 ) -> tuple[State, Samples]:
     """The filters' samples at the rows, orientations q_GB (n, segments, 4) fused at the same;
     `instant`: gyroscopes tell the rate at the sample; `fused`: the vertical is that of the
@@ -183,7 +182,6 @@ def align_samples(
         _for_kernel(rows.rotation_variance),
         _for_kernel(rows.flags),
         _for_kernel(more),
-        LOST_VARIANCE / max(max_gap, 0.01),
     )
     chains = _empty_chains(len(rows.t))
     fill_chains(SENSORS, _JOINTS, dt, orientations, readings, fused, chains)
@@ -344,8 +342,7 @@ def sensor_turns(
     n: int, dt: float, orientations: FusedRows, readings: SegmentReadings, turns: SensorTurns
 ) -> None:
     """Fill what every sensor turned by: by its own rates where it has them, else by its fusion's
-    orientations, which bridge what is missing. The fusion counts a gap once; what is silent goes on
-    turning."""
+    orientations, which bridge what is missing and count a gap."""
     step, w = np.empty(4), np.empty(3)
     for s in range(len(turns.turn)):
         by, rate, q_GB = turns.turn[s], readings.rate[n, s], orientations.q_GB[n, s]
@@ -360,9 +357,6 @@ def sensor_turns(
             quat.log_row(step, w, w)
             for a in range(3):
                 by[a] = w[a] if math.isfinite(w[a]) else 0.0
-        is_silent = by[0] == 0 and by[1] == 0 and by[2] == 0
-        if math.isfinite(q_GB[0]) and int(orientations.flags[n, s]) & MISSING and is_silent:
-            more += orientations.silent_variance * dt
         turns.variance[s] = more + orientations.added_variance[n, s]
 
 

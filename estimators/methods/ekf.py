@@ -292,7 +292,6 @@ def _hand(params: Params, state: State, rows: resampling.Rows) -> tuple[State, T
         q_GB,
         params.gyr_reading == "instant",
         params.vertical == "fused",
-        params.max_gap,
     )
     pieces, first = [], 0
     while (pending := _next_due(state, samples.t[-1])) is not None:
