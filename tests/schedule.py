@@ -1,7 +1,7 @@
-"""Who runs which test: the longest files first, a file's tests in one process, the journeys in two of the processes.
+"""Who runs which test: the longest files first, a file's tests in one process, the journeys in three of the processes.
 
-A journey waits for a hand that moves in real time, for a page, for a server: other processes compute meanwhile. Two servers
-and two browsers are as many as two cores bear.
+A journey waits for a hand that moves in real time, for a page, for a server: other processes compute meanwhile. Three servers
+and three browsers are as many as two cores bear.
 """
 
 import pytest
@@ -11,7 +11,7 @@ from xdist.scheduler import LoadFileScheduling
 from tests.durations import FILES
 
 JOURNEYS = "tests/journeys/"
-LANES = 2
+LANES = 3
 
 
 def seconds() -> dict[str, float]:
