@@ -10,10 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from handscope.estimators.data.held_contact import PALM, HeldContact, Place
+from handscope.estimators.data.held_contact import PALM, TABLE, HeldContact, Place
 from handscope.estimators.data.options import option
+from handscope.estimators.hand.anatomy import Hand, side_sign
 from handscope.estimators.numerics.typing import Array
 
+REFUSED = 1e-3  # probability of such an innovation if they touch
+EARLY, LATE = 0.4, 0.75  # shares of a hold: fingers have come to rest; what is held is used
+STILL = np.radians(4.0)  # most that a joint turns between the two: tremor, and what a filter learns
 LASTING = 0.6  # of a contact's variance: the same each time, as how thick a pulp is and where its owner touches; ours
 
 
@@ -72,6 +76,13 @@ def places_of(held: HeldContact) -> tuple[Place, ...]:
     """The places that a contact is between; of a table the fingertips."""
     contacts = held.contacts
     return tuple(c.a for c in contacts) if held.on_table else (contacts[0].a, contacts[0].b)
+
+
+def pulp_direction(held: HeldContact, vertical: Array, hand: Hand) -> Array:
+    """Where a pulp that touches a table or the palm meets it, (3,) in the hand's frame as `vertical`."""
+    if held.contacts[0].b == TABLE:
+        return -vertical
+    return np.array([side_sign(hand), 0.0, 0.0])
 
 
 def growth(times: int) -> float:

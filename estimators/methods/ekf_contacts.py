@@ -13,12 +13,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from handscope.estimators.data.contact_constraint import (
+    EARLY,
+    LATE,
+    REFUSED,
+    STILL,
     Constraint,
     ContactParams,
     between_two,
     kind_sd,
     on_a_plane,
     places_of,
+    pulp_direction,
 )
 from handscope.estimators.data.fingertip_contacts import (
     FINGERTIPS,
@@ -30,25 +35,20 @@ from handscope.estimators.data.held_contact import (
     ELSEWHERE,
     LEAST_ON_TABLE,
     PALM,
-    TABLE,
     ContactOutcome,
     HeldContact,
     Place,
 )
 from handscope.estimators.finger_ekf.filter import State
 from handscope.estimators.finger_ekf.sensor_to_segment import ERROR, SIZE, joint_jacobian_row
-from handscope.estimators.hand.anatomy import CHAINS, FINGERS, side_sign
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS
 from handscope.estimators.hand.geometry import HandGeometry, root_joint
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import looped
 from handscope.estimators.numerics.tail_probabilities import chi2_sf
 from handscope.estimators.numerics.typing import Array
 
-REFUSED = 1e-3  # probability of such an innovation if they touch
 LIKELY = 0.05  # the same of what is left on a table where a finger is left out
-EARLY, LATE = 0.4, 0.75  # shares of a hold: fingers have come to rest; what is held is used
-STILL = np.radians(4.0)  # most that a joint turns between the two: tremor, and what a filter learns
-PALMAR = np.array([-1.0, 0.0, 0.0])  # times side_sign: in the hand's frame
 OF_HAND = slice(ERROR.q_SB, ERROR.q_SB + 3)  # the hand's mounting in a chain's errors
 
 
@@ -205,9 +205,8 @@ def _touch(hand: HandState, place: Place, held: HeldContact) -> _Touch:
     )
     vertical = quat.rotate(quat.conjugate(chains.q_SB[f, 0]), chains.up[f, 0])
     offsets, rolling = geometry.chain_offsets()[f].copy(), np.zeros((3, 9))
-    against = held.contacts[0].b
-    if against in ELSEWHERE:  # the pulp touches with what is nearest
-        towards = -vertical if against == TABLE else side_sign(geometry.hand) * -PALMAR
+    if held.contacts[0].b in ELSEWHERE:  # the pulp touches with what is nearest
+        towards = pulp_direction(held, vertical, geometry.hand)
         pulp, rolling = _pulp(q, geometry, name, towards)
         offsets[-1] += pulp
     else:

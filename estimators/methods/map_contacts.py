@@ -13,10 +13,15 @@ import numpy as np
 
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.contact_constraint import (
+    EARLY,
+    LATE,
+    REFUSED,
+    STILL,
     Constraint,
     between_two,
     on_a_plane,
     places_of,
+    pulp_direction,
 )
 from handscope.estimators.data.fingertip_contacts import (
     FINGERTIPS,
@@ -28,14 +33,13 @@ from handscope.estimators.data.held_contact import (
     ELSEWHERE,
     LEAST_ON_TABLE,
     PALM,
-    TABLE,
     ContactOutcome,
     HeldContact,
     Place,
 )
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand import forward_kinematics, joint_angles, length_covariance
-from handscope.estimators.hand.anatomy import CHAINS, FINGERS, IS_DOF, SEGMENT, SEGMENTS, side_sign
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, IS_DOF, SEGMENT, SEGMENTS
 from handscope.estimators.hand.geometry import HandGeometry, root_joint
 from handscope.estimators.methods.map_options import Params
 from handscope.estimators.numerics import quaternions as quat
@@ -43,13 +47,10 @@ from handscope.estimators.numerics.tail_probabilities import chi2_sf
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration.result import Finger
 
-REFUSED = 1e-3  # probability of such an innovation if they touch
-EARLY, LATE = 0.4, 0.75  # shares of a hold: fingers have come to rest; what is held is used
-STILL = np.radians(4.0)  # most that a joint turns between the two
 EACH = 7  # errors of a finger: its last sensor about z, its root, its bones' shares
 COUNT = 3 + EACH * len(FINGERS)  # those of the hand's sensor first
 STEP = 1e-5  # rad, m, of differences
-Z, PALMAR = np.array([0.0, 0.0, 1.0]), np.array([-1.0, 0.0, 0.0])
+Z = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -219,9 +220,8 @@ def _place(
     q_HB = quat.multiply(quat.exp(errors[:3]), q_HB)
     q_HB[2] = quat.multiply(q_HB[2], quat.exp(-own[0] * Z))
     bones = geometry.chain_offsets()[f] * (1 + own[4:7, None])
-    against = held.contacts[0].b
-    if against in ELSEWHERE:
-        towards = -up if against == TABLE else side_sign(geometry.hand) * -PALMAR
+    if held.contacts[0].b in ELSEWHERE:
+        towards = pulp_direction(held, up, geometry.hand)
         towards_D = quat.rotate(quat.conjugate(q_HB[2]), towards)
         bones[2] += pulp_offset(geometry, finger, towards_D, FINGERTIPS[finger])[0]
     else:

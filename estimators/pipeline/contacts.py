@@ -15,15 +15,8 @@ from handscope.estimators.data.held_contact import (
     held_contacts,
 )
 from handscope.estimators.messages import Message
+from handscope.estimators.messages.finger_words import FINGER_WORDS
 from handscope.estimators.messages.sentence import join, phrase
-
-FINGER_WORDS = {
-    "thumb": phrase("finger.thumb"),
-    "index": phrase("finger.index"),
-    "middle": phrase("finger.middle"),
-    "ring": phrase("finger.ring"),
-    "little": phrase("finger.little"),
-}
 
 
 def with_contacts(

@@ -15,6 +15,7 @@ from handscope.estimators.data.samples import Block, Event, join
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import FINGERS, HANDS, Hand
 from handscope.estimators.hand.geometry import measures_from, sized
+from handscope.estimators.messages.finger_words import FINGER_WORDS
 from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.messages.system import describe
 from handscope.sessions.files.recorder import FORMAT_VERSION
@@ -28,13 +29,6 @@ from handscope.sessions.wire.protocol_warnings import protocol_warnings
 
 SUFFIX = ".mcap"
 TOGETHER = 1000  # pieces of the wire taken at a time
-FINGER_WORDS = {
-    "thumb": phrase("finger.thumb"),
-    "index": phrase("finger.index"),
-    "middle": phrase("finger.middle"),
-    "ring": phrase("finger.ring"),
-    "little": phrase("finger.little"),
-}
 
 
 @dataclass
