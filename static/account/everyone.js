@@ -58,9 +58,9 @@ export function mount(root, api) {
       "tr",
       {},
       h("th", { scope: "row" }, account.name),
-      h("td", {}, account.roles.map((role) => t(`role.${role}`)).join(", ")),
-      wards.length > 1 && h("td", {}, memberships(api, account, wards, draw)),
-      h("td", {}, proof(account)),
+      h("td", { "data-column": t("accounts.roles") }, account.roles.map((role) => t(`role.${role}`)).join(", ")),
+      wards.length > 1 && h("td", { "data-column": t("ward.title") }, memberships(api, account, wards, draw)),
+      h("td", { "data-column": t("accounts.proof") }, proof(account)),
       h("td", {}, h("div", { class: "buttons" }, buttons)),
     );
   }
@@ -81,7 +81,7 @@ export function mount(root, api) {
     handOver(created.name, created.code);
     await draw();
   });
-  const table = h("table", {}, h("thead", {}, heads), rows);
+  const table = h("table", { class: "lined" }, h("thead", {}, heads), rows);
   const head = h("div", { class: "head" }, h("h2", {}, t("accounts.title")), h("a", { href: "/audit" }, t("nav.audit")));
   const wide = h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": t("accounts.title") }, table);
   root.append(head, box.element, wide, codeBox, form);
