@@ -1,7 +1,7 @@
 """Every page keeps WCAG 2.2 A and AA as far as axe can tell, in light and in dark; nothing scrolls sideways, targets are large."""
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -64,8 +64,8 @@ WIDE_PANELS = """() => [...document.querySelectorAll(".panel")].filter((e) => e.
 SLIDING = """() => [...document.querySelectorAll(".scroll")].filter((e) => e.scrollWidth > e.clientWidth + 1 && e.checkVisibility()).map((e) => e.ariaLabel)"""
 
 
-def looked_at(page: Page, name: str) -> None:
-    """Check the page as it stands, in both schemes and sizes."""
+def looked_at(page: Page, name: str, wider: Sequence[str] = ()) -> None:
+    """Check the page as it stands, in both schemes and sizes; `wider`: tables that nothing fits on a phone, as they have any number of columns."""
     page.add_script_tag(path=AXE)
     told = page.evaluate(RUN, RULES)
     assert told["rules"] > 5, "axe looked at nothing"
@@ -81,7 +81,7 @@ def looked_at(page: Page, name: str) -> None:
         fits(page, name, width)
         assert page.evaluate(TOUCHING) == [], f"{name}, {width} px"
         assert page.evaluate(SPILLED) == [], f"{name}, {width} px"
-    assert page.evaluate(SLIDING) == [], f"{name}: tables on a phone"
+    assert page.evaluate(SLIDING) == list(wider), f"{name}: tables on a phone"
     page.set_viewport_size(dict(zip(("width", "height"), SIZES["tablet"])))
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from starlette.testclient import TestClient
 
+from handscope.app.auth import request_limits
 from handscope.app.auth.gate import new_token
 from handscope.app.server import create_app
 from handscope.app.settings import Settings
@@ -27,8 +28,11 @@ def server(settings: Settings) -> Iterator[TestClient]:
 
 
 @pytest.fixture
-def client(server: TestClient, settings: Settings) -> Iterator[TestClient]:
-    """A logged-in client."""
+def client(
+    server: TestClient, settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[TestClient]:
+    """A logged-in client; no limit of requests in a row holds."""
+    monkeypatch.setattr(request_limits, "REFILL", 1e6)  # tests ask faster than people
     answer = server.post("/api/login", json={"token": new_token(settings.data)})
     assert answer.status_code == 204
     yield server

@@ -53,4 +53,5 @@ def test_contacts_are_told_as_used(task: str, page_without_scene: Page, server: 
     expect(told).not_to_have_class("warning")
     keep_picture(page, f"{picture}-used")
     end_session(page)
+    page.locator("summary").filter(has_text="about the recording").click()
     shown(page.get_by_text("Contacts of fingertips were used to calibrate").first)

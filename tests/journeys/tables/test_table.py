@@ -74,7 +74,7 @@ def test_a_german_table_of_an_unknown_logger_is_mapped_and_assessed(
             {"1": "gyr", "2": "acc"}[first[1]]
         )
     shown(page.get_by_text("accelerometers read 1.00 at rest: taken as g"))
-    looked_at(page, "a table that is mapped")
+    looked_at(page, "a table that is mapped", wider=["First rows"])
     pictures(page, "table")
 
     page.get_by_label("Unit of line 1", exact=True).select_option(index=0)
@@ -106,7 +106,7 @@ def test_the_map_is_offered_again_and_the_page_speaks_german(
     send(page, data)
     shown(page.get_by_text("Wie bei der letzten Tabelle mit diesen Spalten"))
     shown(page.get_by_text("Beschleunigungssensoren zeigen in Ruhe 1,00: als g verstanden"))
-    looked_at(page, "a table in German")
+    looked_at(page, "a table in German", wider=["Erste Zeilen"])
     pictures(page, "table-de")
     page.get_by_role("button", name="Tabelle verwerfen").click()
     page.wait_for_url("**/patients/*")
