@@ -71,5 +71,7 @@ def test_a_strip_of_force_sensors_has_its_name_and_its_table_fits_a_phone(
     page.goto("/devices")
     strips = page.get_by_role("group", name="Strips of sensors")
     shown(strips.get_by_role("rowheader", name="force sensors of the fingertips"))
-    assert strips.evaluate("(box) => box.scrollWidth <= box.clientWidth")
+    page.wait_for_function(
+        "(box) => box.scrollWidth <= box.clientWidth", arg=strips.element_handle()
+    )  # its font comes with the page
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
