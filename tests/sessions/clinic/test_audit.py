@@ -55,12 +55,8 @@ def test_what_is_changed_is_told_by_itself_with_names_of_fields_and_never_a_valu
     ]
     with store.database() as db:
         assert audit.list_lines(db)[1].counts == {"fields": ["year_of_birth", "affected_hand"]}
-        text = str(
-            [
-                [getattr(line, c.key) for c in AuditLine.__table__.columns]
-                for line in audit.list_lines(db)
-            ]
-        )
+        words = {c.key for c in AuditLine.__table__.columns} - {"at", "previous", "hash"}  # chance
+        text = str([[getattr(line, key) for key in words] for line in audit.list_lines(db)])
     assert not any(secret in text for secret in ("Quince", "ladder", "horse", "1953", "1954"))
 
 
