@@ -39,7 +39,11 @@ from handscope.estimators.fault_detection.neighbours.suspicions import (
     whole_span,
 )
 from handscope.estimators.fault_detection.neighbours.unexplained import Unexplained
-from handscope.estimators.fault_detection.single_sensors.cells import Cells, cells_of
+from handscope.estimators.fault_detection.single_sensors.cells import (
+    Cells,
+    cells_of,
+    forward_streams,
+)
 from handscope.estimators.hand.anatomy import Hand, side_sign
 from handscope.estimators.hand.geometry import HandGeometry, root_joint
 from handscope.estimators.numerics import quaternions as quat
@@ -82,8 +86,7 @@ class Compared:
     @cached_property
     def cells(self) -> Cells:
         """Readings of every sensor by itself, of streams whose times run forward."""
-        forward = [b for b in whole_streams(self.blocks) if (np.diff(b.t) > 0).all()]
-        return cells_of(forward)
+        return cells_of(forward_streams(whole_streams(self.blocks)))
 
     @cached_property
     def pairs(self) -> Pairs | None:

@@ -43,7 +43,7 @@ class Delay:
 def find(pairs: Pairs) -> list[Delay]:
     """Late sensors, most certain first; at most one for each joint that shows it."""
     lags, parts = _lags(), spans(float(pairs.series.t[0]), float(pairs.series.t[-1]))
-    count = len(groups(pairs)) * (len(lags) + 2 * FINER) * len(parts)
+    count = _count(pairs, parts)
     curves: Curves = {}
     return most_certain(
         [j for j in pairs.joints if pairs.is_poor(*j)],
@@ -63,7 +63,12 @@ def p_value_of(pairs: Pairs, joint: tuple[str, str], late: float) -> float:
     gain = paired_test.log_rest(wrong, noise) - paired_test.log_rest(right, noise)
     p = paired_test.p_value(gain, MARGIN, paired_test.weight(wrong, right, noise))
     parts = spans(float(pairs.series.t[0]), float(pairs.series.t[-1]))
-    return min(1.0, p * len(groups(pairs)) * (len(_lags()) + 2 * FINER) * len(parts))
+    return min(1.0, p * _count(pairs, parts))
+
+
+def _count(pairs: Pairs, parts: Sequence[tuple[float, float]]) -> int:
+    """Delays that are looked for in parts of a recording."""
+    return len(groups(pairs)) * (len(_lags()) + 2 * FINER) * len(parts)
 
 
 def _lags() -> Array:

@@ -71,6 +71,11 @@ def begins(n: int) -> NDArray[np.intp]:
     return np.minimum(np.arange(count) * CHAIN, n - CHAIN) if n >= CHAIN else np.zeros(0, np.intp)
 
 
+def forward_streams(whole: Sequence[Block]) -> list[Block]:
+    """Of whole streams those whose times run forward."""
+    return [b for b in whole if (np.diff(b.t) > 0).all()]
+
+
 def cells_of(blocks: Sequence[Block]) -> Cells:
     """All sensors of inertial streams on one grid.
 

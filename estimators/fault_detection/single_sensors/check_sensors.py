@@ -23,6 +23,7 @@ from handscope.estimators.fault_detection.single_sensors.cells import (
     Cells,
     begins,
     cells_of,
+    forward_streams,
 )
 from handscope.estimators.fault_detection.single_sensors.common_fault import (
     LEAST,
@@ -100,7 +101,7 @@ def check_sensors(blocks: Sequence[Block], cells: Cells | None = None) -> list[S
     """
     whole = whole_streams(blocks)
     backward = backward_times(whole)
-    whole = [b for b in whole if (np.diff(b.t) > 0).all()]
+    whole = forward_streams(whole)
     cells = cells_of(whole) if cells is None else cells
     frozen = frozen_stretches(whole)
     lost = [s for s in lost_rows(whole) if not _beside(s, frozen)]

@@ -64,10 +64,17 @@ def p_value_of_delay(rates: CommonRates, joint: Joint, late: float) -> float:
     wrong, right = rates.left(joint, late), rates.left(joint)
     if not _is_odd(wrong):
         return 1.0
-    span = delays.spans(float(rates.pairs.series.t[0]), float(rates.pairs.series.t[-1]))
-    lags = 2 * round(delays.FURTHEST / STEP) + 1
-    count = len(delays.groups(rates.pairs)) * 2 * lags * len(span)
-    return min(1.0, _tested(wrong[None], right[None])[0] * count)
+    spans = delays.spans(float(rates.pairs.series.t[0]), float(rates.pairs.series.t[-1]))
+    return min(1.0, _tested(wrong[None], right[None])[0] * _count_of_delays(rates, spans))
+
+
+def _lags() -> Array:
+    steps = round(delays.FURTHEST / STEP)
+    return np.asarray(STEP * np.arange(-steps, steps + 1, dtype=float))
+
+
+def _count_of_delays(rates: CommonRates, spans: Sequence[tuple[float, float]]) -> int:
+    return len(delays.groups(rates.pairs)) * 2 * len(_lags()) * len(spans)
 
 
 def _count_of_gains(rates: CommonRates) -> int:
@@ -103,9 +110,7 @@ def find_delays(rates: CommonRates, faulty: Sequence[str] = ()) -> list[Delay]:
     """Late sensors and strips, most certain first; at most one for each joint that shows it."""
     groups = delays.groups(rates.pairs)
     spans = delays.spans(float(rates.pairs.series.t[0]), float(rates.pairs.series.t[-1]))
-    steps = round(delays.FURTHEST / STEP)
-    lags = STEP * np.arange(-steps, steps + 1, dtype=float)
-    count = len(groups) * 2 * len(lags) * len(spans)
+    lags, count = _lags(), _count_of_delays(rates, spans)
     odd = [j for j in _odd_joints(rates) if not set(j) & set(faulty)]
     odd = [j for j in odd if _may_be_late(rates, j, lags[::2], spans)]
     return delays.most_certain(
