@@ -54,14 +54,6 @@ Z = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
-class _Touch:
-    """A place that touches, in the hand's frame, with its derivative by the errors."""
-
-    place: Array  # (3,) m
-    by_errors: Array  # (3, COUNT)
-
-
-@dataclass(frozen=True)
 class _When:
     """What of the movement a contact is looked at with."""
 
