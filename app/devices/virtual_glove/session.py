@@ -81,7 +81,7 @@ def _session(
             if action.verb == "unplug":
                 return float(action.name) + now - began if action.name else float("inf")
             waiting += _act(glove, action)
-        received = line.read(TICK if not waiting else 0.0)
+        received = line.read(TICK)
         if received is None:
             glove.power_off()  # the host closed the port
             waiting, before = b"", time.monotonic()
