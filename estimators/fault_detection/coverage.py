@@ -18,6 +18,7 @@ from handscope.estimators.fault_detection.neighbours import (
     delays,
     gains,
     unexplained,
+    vibration,
 )
 from handscope.estimators.fault_detection.neighbours.check_neighbours import (
     FALSE_ALARM,
@@ -25,6 +26,7 @@ from handscope.estimators.fault_detection.neighbours.check_neighbours import (
 )
 from handscope.estimators.fault_detection.neighbours.rates import rate_tests, synchrony
 from handscope.estimators.fault_detection.neighbours.rates.common_rates import CommonRates
+from handscope.estimators.fault_detection.neighbours.vibration import Vibration
 from handscope.estimators.fault_detection.single_sensors import gyroscope_check, rest_turns
 from handscope.estimators.fault_detection.single_sensors.cells import Cells, begins
 from handscope.estimators.fault_detection.single_sensors.gravity_fit import information_of
@@ -73,7 +75,11 @@ def untested(
     together = set() if pairs is None else set(synchrony.comparable_fingers(pairs, LATE))
     return Untested(
         tuple(sensors),
-        tuple(f for f in strips if f not in together and not _delay_shows(rates, f)),
+        tuple(
+            f
+            for f in strips
+            if f not in together and not _delay_shows(rates, compared.vibration, f)
+        ),
     )
 
 
@@ -109,13 +115,14 @@ def _gain_shows(rates: CommonRates | None, sensor: str, gain: float) -> bool:
     )
 
 
-def _delay_shows(rates: CommonRates | None, finger: str) -> bool:
-    if rates is None:
+def _delay_shows(rates: CommonRates | None, vibrating: Vibration | None, finger: str) -> bool:
+    if rates is None or vibrating is None:
         return False
     roots = [j for j in rates.pairs.joints if j[0] == "hand" and j[1] == CHAINS[finger][0]]
     by_rates = [j for j in roots if j in rates.joints and rates.explains]
     return all(
         any(rate_tests.p_value_of_delay(rates, j, late) < FALSE_ALARM for j in by_rates)
         or any(delays.p_value_of(rates.pairs, j, late) < FALSE_ALARM for j in roots)
+        or any(vibration.p_value_of(vibrating, j, late) < FALSE_ALARM for j in roots)
         for late in LATE
     )

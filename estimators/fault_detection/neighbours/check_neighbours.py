@@ -24,6 +24,7 @@ from handscope.estimators.fault_detection.neighbours import (
     joint_windows,
     slips,
     unexplained,
+    vibration,
 )
 from handscope.estimators.fault_detection.neighbours.joint_places import Bone, Verdict
 from handscope.estimators.fault_detection.neighbours.rates import rate_tests, synchrony
@@ -39,6 +40,7 @@ from handscope.estimators.fault_detection.neighbours.suspicions import (
     whole_span,
 )
 from handscope.estimators.fault_detection.neighbours.unexplained import Unexplained
+from handscope.estimators.fault_detection.neighbours.vibration import Vibration
 from handscope.estimators.fault_detection.single_sensors.cells import (
     Cells,
     cells_of,
@@ -99,6 +101,11 @@ class Compared:
         """What neighbours' rates have in common."""
         return None if self.pairs is None else CommonRates(self.pairs)
 
+    @cached_property
+    def vibration(self) -> Vibration | None:
+        """What neighbours vibrate together."""
+        return None if self.pairs is None else Vibration(self.pairs)
+
 
 def check_neighbours(
     blocks: Sequence[Block],
@@ -109,6 +116,7 @@ def check_neighbours(
     events: Sequence[Event],
     pairs: Pairs | None = None,
     rates: CommonRates | None = None,
+    vibrating: Vibration | None = None,
 ) -> list[Suspicion]:
     """Check neighbouring sensors against each other: exchanged, late, slipped.
 
@@ -118,7 +126,7 @@ def check_neighbours(
         Samples of all streams.
     hand, geometry, mounting, calibrations, events
         What is declared and known of the recording; the hand itself is asked by `check_hand`.
-    pairs, rates : optional
+    pairs, rates, vibrating : optional
         Of the same recording, where several checks share them.
 
     Returns
@@ -137,7 +145,7 @@ def check_neighbours(
     rates = rates or CommonRates(pairs)
     every = [*unexplained.find(pairs), *rate_tests.find_unexplained(rates)]
     odd = _once([u for u in every if u.p_value < FALSE_ALARM])
-    named = _named(pairs, rates, [u.joint for u in odd])
+    named = _named(pairs, rates, vibrating or Vibration(pairs), [u.joint for u in odd])
     return named + [
         of_unexplained(u)
         for u in odd
@@ -151,7 +159,9 @@ def _once(odd: Sequence[Unexplained]) -> list[Unexplained]:
     return list(least.values())
 
 
-def _named(pairs: Pairs, rates: CommonRates, odd: Sequence[tuple[str, str]]) -> list[Suspicion]:
+def _named(
+    pairs: Pairs, rates: CommonRates, vibrating: Vibration, odd: Sequence[tuple[str, str]]
+) -> list[Suspicion]:
     """Faults that are named; at joints that are surely odd the most probable cause needs less evidence."""
 
     def is_sure(cause: _Cause) -> bool:
@@ -171,6 +181,8 @@ def _named(pairs: Pairs, rates: CommonRates, odd: Sequence[tuple[str, str]]) -> 
     late = [_Cause(d.sensors, d.gain, of_delay(d)) for d in delays.find(pairs)]
     known = [s for c in late if is_sure(c) for s in c.sensors]
     late += [_Cause(d.sensors, d.gain, of_delay(d)) for d in rate_tests.find_delays(rates, known)]
+    known = [s for c in late if is_sure(c) for s in c.sensors]
+    late += [_Cause(d.sensors, d.gain, of_delay(d)) for d in vibration.find(vibrating, known)]
     named = _most_probable(
         pairs, [c for c in single if is_sure(c)], [c for c in late if is_sure(c)]
     )
@@ -224,11 +236,11 @@ def check(
 ) -> list[Suspicion]:
     """Both checks of one recording: as `check_neighbours`, then `check_hand` without bones of fingers in which something else is wrong."""
     pairs = compared.pairs if compared else prepare_pairs(blocks, geometry, mounting, calibrations)
-    rates = compared.rates if compared else None
+    rates, vibrating = (compared.rates, compared.vibration) if compared else (None, None)
     if pairs is None or _behind_the_wrist(geometry):
         return check_hand(blocks, hand, geometry, mounting, calibrations, events, pairs)
     suspicions = check_neighbours(
-        blocks, hand, geometry, mounting, calibrations, events, pairs, rates
+        blocks, hand, geometry, mounting, calibrations, events, pairs, rates, vibrating
     )
     wrong = {_limb(s) for t in suspicions for s in t.sensors}
     of_hand = check_hand(blocks, hand, geometry, mounting, calibrations, events, pairs)

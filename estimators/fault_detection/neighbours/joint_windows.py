@@ -211,18 +211,24 @@ def _resting_rates(gyr: Array, whole: NDArray[np.bool_]) -> Array:
     return np.where(small[:, None], level, 0.0)
 
 
-def cut(series: Series, sensors: Sequence[str], around: int = 0, later: int = 0) -> list[Windows]:
+def cut(
+    series: Series,
+    sensors: Sequence[str],
+    around: int = 0,
+    later: int = 0,
+    averaged: int = AVERAGED,
+) -> list[Windows]:
     """Cut sensors' series into windows, each as many averaged instants longer at either end, and as many samples later."""
     columns = np.array([series.sensors.index(s) for s in sensors])
     first = series.chosen * round(LENGTH * RATE)
-    shape = (len(columns), len(first), round(LENGTH * RATE) // AVERAGED + 2 * around)
+    shape = (len(columns), len(first), round(LENGTH * RATE) // averaged + 2 * around)
     force, rate, share = np.zeros((*shape, 3)), np.zeros((*shape, 3)), np.zeros(shape)
     arm, turned = np.zeros((*shape, 3, 3)), np.zeros((*shape, 3, 3))
     readings = (
         np.ascontiguousarray(v) for v in (series.gyr, series.change, series.acc, series.whole)
     )
-    begin = first - around * AVERAGED + later
+    begin = first - around * averaged + later
     filled = force, arm, turned, rate, share
-    fill_windows(*readings, begin, columns, 1.0 / RATE, AVERAGED, *filled)
+    fill_windows(*readings, begin, columns, 1.0 / RATE, averaged, *filled)
     t = series.t[np.minimum(first, len(series.t) - 1)]
     return [Windows(t, *(part[s] for part in filled)) for s in range(len(columns))]
