@@ -37,6 +37,11 @@ BESIDE = (
 )  # s before and behind a step, along which the course of the force is fitted: what fits better elsewhere
 KNOCK = 0.05  # s behind a step that are left out of it
 DEGREE = 3  # of the course, a polynomial
+CLEAR = 3.0  # standard deviations of a lasting step, from which on it could not be missed
+COURSE_SD, ARM_SD = (
+    0.2,
+    0.05,
+)  # m/s^2, m: what a course leaves, and how far a sensor lies from where its segment turns about
 OF_STEP = 0.1  # largest share of a step that no rotation explains
 EXACT, EXACT_REST = (
     0.003,
@@ -120,14 +125,17 @@ def _of_sensor(block: Block, column: int) -> Iterator[SuddenTurn]:
         fits = rest[k] < OF_STEP * explained[k] and LEAST < np.linalg.norm(turn[k]) < MOST
         if not fits or p_step > LEAST_SURE:
             continue
-        places = np.array([k, *usual_ones])
-        seen = min(
-            (_lasting_step(t, values, places + ROWS // 2, round(s / usual), usual) for s in BESIDE),
-            key=lambda steps: float((steps[1:] ** 2).sum()),
+        row, places = k + ROWS // 2, np.array([k, *usual_ones]) + ROWS // 2
+        lasting, n = min(
+            (
+                (_lasting_step(t, values, places, n, usual), n)
+                for n in (round(s / usual) for s in BESIDE)
+            ),
+            key=lambda steps: float((steps[0][1:] ** 2).sum()),
         )
-        row = k + ROWS // 2
+        mended = _lasting_step(t, _turned_back(values, row, turn[k]), places[:1], n, usual)
         expected = np.cross(0.5 * (values[row - 1, 3:] + values[row, 3:]), turn[k])
-        p_gravity = _p_without(seen, expected)
+        p_gravity = _p_without(lasting, mended[0], expected)
         if p_gravity is None or (p_gravity == 1.0 and rest[k] > EXACT_REST + EXACT * explained[k]):
             continue
         p = _of_both(p_step, p_gravity)
@@ -135,14 +143,22 @@ def _of_sensor(block: Block, column: int) -> Iterator[SuddenTurn]:
             yield SuddenTurn(block.stream.sensors[column], float(t[row]), turn[k], p)
 
 
-def _p_without(seen: Array, expected: Array) -> float | None:
-    """Probability of a lasting step (the first of `seen`) as near to what a turn makes, `expected`, without one; None where none is nearer, 1 where a hand accelerates too hard to tell."""
+def _turned_back(values: Array, row: int, turn: Array) -> Array:
+    """Rates and forces (n, 6), those from a row on turned."""
+    later = quat.rotate(quat.exp(turn), values[row:].reshape(-1, 2, 3))
+    return np.concatenate([values[:row], later.reshape(-1, 6)])
+
+
+def _p_without(seen: Array, mended: Array, expected: Array) -> float | None:
+    """Probability of a lasting step (the first of `seen`) that a turn explains so well, which leaves `mended` of it, without one.
+
+    None where the readings fit better without the turn, 1 where a hand accelerates too hard to tell what it should make of gravity, `expected`.
+    """
     sd, size = float(np.sqrt((seen[1:] ** 2).mean())), float(np.linalg.norm(expected))
-    if sd > size:
+    gained = float(seen[0] @ seen[0] - mended @ mended)
+    if sd > size or (gained < 0.0 and sd > size / CLEAR):
         return 1.0
-    if np.linalg.norm(seen[0]) < np.linalg.norm(seen[0] - expected):
-        return None
-    return float(normal_sf(seen[0] @ expected / (size * sd)))
+    return None if gained < 0.0 else float(normal_sf((gained + size**2) / (2 * size * sd)))
 
 
 def _of_both(p: float, q: float) -> float:
@@ -160,25 +176,37 @@ def _peaks(size: Array, spacing: int) -> NDArray[np.intp]:
 
 
 def _lasting_step(t: Array, values: Array, rows: NDArray[np.intp], n: int, usual: float) -> Array:
-    """By how much (places, 3) m/s^2 the specific force is another behind rows than its course up to there, in the frame of each row; a knock is over by then."""
+    """By how much (places, 3) m/s^2 the specific force is another behind rows than its course up to there, in the frame of the row before each; a knock is over by then.
+
+    The course is a polynomial, and what the sensor's turning adds at its place on the segment, which is fitted: in that time a finger that taps turns to and fro.
+    """
     over = round(KNOCK / usual)
-    rows = np.clip(rows, n, len(t) - n)
-    forces = [
-        _carried(t, values, rows[:, None] + (np.arange(n) if behind else -1 - np.arange(n)))
-        for behind in (False, True)
-    ]
-    course = np.concatenate([forces[0][:, ::-1], forces[1][:, over:]], axis=1)
+    rows = np.clip(rows, n + 1, len(t) - n)[:, None] - 1
+    before, behind = (_carried(t, values, rows + k) for k in (-np.arange(n), np.arange(n + 1)))
+    force, arm = (
+        np.concatenate([b[:, ::-1], h[:, 1 + over :]], axis=1) for b, h in zip(before, behind)
+    )
     at = np.concatenate([np.arange(-n, 0), np.arange(over, n)]) / n
     terms = np.concatenate([at[:, None] ** np.arange(DEGREE + 1), (at >= 0)[:, None]], axis=1)
-    return np.asarray(np.einsum("n,pni->pi", np.linalg.pinv(terms)[-1], course))
+    solved = np.linalg.pinv(terms)
+    rest = np.eye(len(at)) - terms @ solved  # what no such course has
+    own = np.einsum("mn,pnij->pmij", rest, arm)
+    normal = np.einsum("pnij,pnik->pjk", own, own) + (COURSE_SD / ARM_SD) ** 2 * np.eye(3)
+    right = np.einsum("pnij,pni->pj", own, force)
+    place = np.linalg.solve(normal, right[..., None])[..., 0]
+    course = force - np.einsum("pnij,pj->pni", arm, place)
+    return np.asarray(np.einsum("n,pni->pi", solved[-1], course))
 
 
-def _carried(t: Array, values: Array, rows: NDArray[np.intp]) -> Array:
-    """Specific forces (places, n, 3) in rows, in the frame of the first row of each place."""
-    gyr, forces = values[rows, :3], values[rows, 3:]
-    turn = 0.5 * (gyr[:, 1:] + gyr[:, :-1]) * np.diff(t[rows], axis=1)[..., None]
-    q = np.broadcast_to(quat.IDENTITY, (len(rows), 4))
+def _carried(t: Array, values: Array, rows: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Specific forces (places, n, 3) in rows, and what an arm of 1 m along each axis adds to them (places, n, 3, 3), in the frame of the first row of each place."""
+    gyr, at = values[rows, :3], t[rows]
+    turn = 0.5 * (gyr[:, 1:] + gyr[:, :-1]) * np.diff(at, axis=1)[..., None]
+    q = np.broadcast_to(quat.IDENTITY, (*rows.shape, 4)).copy()
     for k, step in enumerate(np.moveaxis(quat.exp(turn), 1, 0), 1):
-        q = quat.multiply(q, step)
-        forces[:, k] = quat.rotate(q, forces[:, k])
-    return forces
+        q[:, k] = quat.multiply(q[:, k - 1], step)
+    slope = (gyr[:, 2:] - gyr[:, :-2]) / (at[:, 2:] - at[:, :-2])[..., None]
+    change = np.concatenate([slope[:, :1], slope, slope[:, -1:]], axis=1)
+    square = (gyr**2).sum(axis=-1)[..., None, None] * np.eye(3)
+    arm = gyr[..., :, None] * gyr[..., None, :] - square + quat.skew(change)
+    return quat.rotate(q, values[rows, 3:]), quat.matrix(q) @ arm

@@ -52,6 +52,13 @@ def test_a_turn_is_found_among_lost_samples() -> None:
     assert [s.sensors for s in sudden_turns(lossy)] == [("ring_middle",)]
 
 
+@pytest.mark.parametrize("sensor", ["index_proximal", "ring_proximal"])
+def test_a_small_turn_is_found_while_fingers_open_and_close_fast(sensor: str) -> None:
+    """Its force goes to and fro within the time in which a step has to last."""
+    turned = _turned(performed("powerglove_13_open_close"), sensor, np.array([0.0, 0.0, 8.5]))
+    assert [s.sensors for s in sudden_turns(turned)] == [(sensor,)]
+
+
 @pytest.mark.parametrize(
     "blocks", [moved_freely(), performed("tapping"), performed("rom_fist", "open_close")]
 )
