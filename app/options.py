@@ -4,12 +4,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from handscope.estimators.data.options import Description, describe
+from handscope.estimators.data.options import Description, describe, with_present_names
 from handscope.estimators.errors import InputError
 
 
 def with_options(params_type: type, given: Mapping[str, Any]) -> Any:
-    """Params with the given options set; values may be text."""
+    """Params with the given options set; values may be text, names those of the first edition."""
+    given = with_present_names(params_type, given)
     descriptions = {d.name: d for d in describe(params_type)}
     unknown = [name for name in given if name not in descriptions]
     if unknown:

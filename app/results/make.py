@@ -25,7 +25,7 @@ from handscope.app.report.references import newest
 from handscope.app.report.sections import self_calibration
 from handscope.app.report.stored import pack, unpack
 from handscope.app.workers import deadline
-from handscope.estimators.data.options import describe, values_of
+from handscope.estimators.data.options import describe, values_of, with_present_names
 from handscope.estimators.data.samples import Event
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
@@ -143,11 +143,10 @@ def params_of(result: Result) -> Any:
     """The method's Params: defaults as they were when the result was made, and what it was asked for."""
     params_type = ALL_METHODS[result.method].Params
     known = {d.name for d in describe(params_type)}
-    frozen = {k: v for k, v in result.content.get("options", {}).items() if k in known}
-    return replace(
-        with_options(params_type, result.parameters),
-        **{name: value for name, value in frozen.items() if name not in result.parameters},
-    )
+    options = with_present_names(params_type, result.content.get("options", {}))
+    asked = with_present_names(params_type, result.parameters)
+    frozen = {k: v for k, v in options.items() if k in known and k not in asked}
+    return replace(with_options(params_type, asked), **frozen)
 
 
 def options_of(result: Result) -> dict[str, Any]:

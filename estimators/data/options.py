@@ -1,6 +1,7 @@
 """Options of methods, devices and measures, declared once: default, unit, meaning and source stand
 in one line."""
 
+from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from typing import Any, TypeVar
 
@@ -21,6 +22,7 @@ class Description:
     choices: tuple[str, ...]
     least: float
     most: float
+    earlier: str  # its name in the first edition, where that was another
 
 
 def option(
@@ -31,9 +33,10 @@ def option(
     choices: tuple[str, ...] = (),
     least: float = 0.0,
     most: float = UNBOUNDED,
+    earlier: str = "",
 ) -> Any:
     """A dataclass field with its unit, meaning and source; `choices` lists the words allowed where
-    it is one, `least` and `most` bound a number."""
+    it is one, `least` and `most` bound a number, `earlier` is a name that stored results know it by."""
     words = {
         "unit": unit,
         "meaning": meaning,
@@ -41,6 +44,7 @@ def option(
         "choices": choices,
         "least": least,
         "most": most,
+        "earlier": earlier,
     }
     return field(default=default, metadata=words)
 
@@ -48,6 +52,12 @@ def option(
 def describe(params_type: type) -> list[Description]:
     """All options of a Params dataclass, in order of declaration."""
     return [_describe(f) for f in fields(params_type)]
+
+
+def with_present_names(params_type: type, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of which some may bear the names of the first edition."""
+    present = {d.earlier: d.name for d in describe(params_type) if d.earlier}
+    return {present.get(name, name): value for name, value in given.items()}
 
 
 def values_of(params: Any) -> dict[str, Any]:

@@ -52,8 +52,13 @@ class TipParams:
         "ours: bias of 0.05 and scale of 0.3 %",
         least=1e-3,
     )
-    alike: float = option(
-        10.0, "s", "for which such errors stay alike", "ours: longer than a grasp", least=0.1
+    acc_error_time: float = option(
+        10.0,
+        "s",
+        "time over which such errors stay the same",
+        "ours: longer than a grasp",
+        least=0.1,
+        earlier="alike",
     )
     still: float = option(
         0.5, "m/s^2", "deviation from gravity of a tip that tells the vertical", "ours", least=0.01
@@ -174,7 +179,7 @@ def _measurements(
         quat.rotate(q, tips.gyr[k]),
         quat.rotate(q, quat.rotate(quat.exp(cuff), tips.force[k])),
     )
-    samples = params.alike / params.update
+    samples = params.acc_error_time / params.update
     own = np.flatnonzero(every(np.isfinite(acc)) & every(np.isfinite(gyr)))
     size, rate = np.linalg.norm(acc, axis=1), np.linalg.norm(gyr, axis=1)
     for s in (int(one) for one in own):

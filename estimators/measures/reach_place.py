@@ -66,8 +66,12 @@ OF_EACH = (
 class PlaceMeasure(TrunkParams):
     """How places are looked at."""
 
-    smallest_way: float = option(
-        0.05, "m/s", "a peak speed of the hand against the trunk below this is no reach", "ours"
+    least_peak_speed: float = option(
+        0.05,
+        "m/s",
+        "a peak speed of the hand against the trunk below this is no reach",
+        "ours",
+        earlier="smallest_way",
     )
     smoothed: float = option(
         6.0,
@@ -80,8 +84,12 @@ class PlaceMeasure(TrunkParams):
     unit_rise: float = option(
         0.02, "m/s", "growth of the hand's speed that makes a movement unit", DRINKING, least=0.001
     )
-    unit_apart: float = option(
-        0.15, "s", "least time between the peaks of two movement units", DRINKING
+    unit_interval: float = option(
+        0.15,
+        "s",
+        "least time between the peaks of two movement units",
+        DRINKING,
+        earlier="unit_apart",
     )
 
 
@@ -257,7 +265,7 @@ def _measure_place(
     axes = [resample_even(t, v, lowpass=params.smoothed) for v in part.place[inside].T]
     place, grid = np.stack([a.values for a in axes], axis=1), axes[0].t
     speed = np.linalg.norm(np.stack([a.slope() for a in axes], axis=1), axis=1)
-    found = of_speed(grid, speed, params.smallest_way)
+    found = of_speed(grid, speed, params.least_peak_speed)
     if found is None:
         return None
     a, b, profile = found
@@ -284,7 +292,10 @@ def _measure_place(
         "hand_ldlj": profile["ldlj"],
         "hand_units": float(
             movement_units(
-                speed[first : last + 1], 1.0 / axes[0].period, params.unit_rise, params.unit_apart
+                speed[first : last + 1],
+                1.0 / axes[0].period,
+                params.unit_rise,
+                params.unit_interval,
             )
         ),
         "trunk_lean": lean,

@@ -8,6 +8,8 @@ import pytest
 from handscope.app.options import with_options
 from handscope.estimators.data.options import describe
 from handscope.estimators.errors import InputError
+from handscope.estimators.force.tip_orientation import TipParams
+from handscope.estimators.measures.reach_place import PlaceMeasure
 from handscope.estimators.methods import METHODS
 from handscope.estimators.pipeline.process import process
 from tests.simulated import pose_and_wiggle
@@ -50,3 +52,17 @@ def test_every_value_at_the_edge_of_its_range_gives_a_result_or_a_sentence(
             process(M2, params, recording)
     else:
         assert np.isfinite(process(M2, params, recording).trajectory.q_GS).all()
+
+
+@pytest.mark.parametrize(
+    ("params", "earlier", "present"),
+    [
+        (PlaceMeasure, "smallest_way", "least_peak_speed"),
+        (PlaceMeasure, "unit_apart", "unit_interval"),
+        (TipParams, "alike", "acc_error_time"),
+    ],
+)
+def test_an_option_is_taken_by_its_name_of_the_first_edition(
+    params: type, earlier: str, present: str
+) -> None:
+    assert vars(with_options(params, {earlier: "0.3"}))[present] == 0.3
