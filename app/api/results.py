@@ -76,6 +76,7 @@ def read_result(
         uninjured(hand, found.compared.affected, found.course) if found else None,
         found.compared.edition if found else None,
         found.stored.other if found else None,
+        r.warnings,
     )
     texts = language.translate_keys([] if lean else r.figures, FIGURE_TEXTS)
     head = {"id": r.id} if lean else {"id": r.id, "figures": texts}

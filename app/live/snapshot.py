@@ -10,6 +10,7 @@ import numpy as np
 from handscope.app.devices.glove import GloveState
 from handscope.app.devices.ports import is_relay
 from handscope.app.live.readouts.angle_rows import angle_rows
+from handscope.app.live.readouts.trial_review import UNCOUNTED
 from handscope.app.live.setup import Setup
 from handscope.app.live.wizard import machine as wz
 from handscope.app.live.wizard.machine import State, StationStatus, Wizard
@@ -32,7 +33,6 @@ SCALES = {"repetitions": 1.0} | dict.fromkeys(
     ("rate_wander", "tilt_change", "repeatability", "extent"), 180 / np.pi
 )  # shares: per cent
 DIGITS = {"rate_wander": 2, "tilt_change": 1}
-UNCOUNTED = ("reach", "force")  # groups whose tasks have no taps and no repetitions
 LEAST = 8.0  # deg: a curve that goes less far shows no repetition
 
 

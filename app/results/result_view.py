@@ -27,6 +27,7 @@ from handscope.app.report.units import DEG, TAPPING_DECIMALS, reading
 from handscope.app.report.words import figure_words
 from handscope.app.results.hand_history import resembles_other_hand
 from handscope.app.results.headlines import FOLDED, finger_rows, headlines, joint_deficits
+from handscope.app.results.leading_findings import leading_findings
 from handscope.app.results.trust import judge_trust, trust_payload
 from handscope.estimators.measures import MEASURES
 from handscope.estimators.measures.assessment import TaskResult
@@ -58,8 +59,9 @@ def readings(  # noqa: PLR0913
     other_hand: OtherHand | None = None,
     edition: Edition | None = None,
     compared: Compared | None = None,
+    warnings: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Tables for pages from a stored result's content and figures, `lean` without the list of figures; empty before it is done."""
+    """Tables for pages from a stored result's content, figures and warnings, `lean` without the list of figures; empty before it is done."""
     tasks = content.get("tasks", [])
     return {
         "ranges": _ranges(
@@ -84,7 +86,9 @@ def readings(  # noqa: PLR0913
             compared,
             edition,
         ),
-        "trust": _trust(content, figures, protocols, language, changes, compared, edition),
+        "trust": _trust(
+            content, figures, protocols, language, changes, compared, edition, warnings
+        ),
         "changes": _changes(changes, protocols, language) if changes else None,
         "others": _others(
             tasks, figures, protocols, language, grading, other_hand, edition, changes
@@ -114,8 +118,9 @@ def _trust(
     changes: Changes | None,
     compared: Compared | None,
     edition: Edition | None,
+    warnings: Sequence[str],
 ) -> dict[str, Any]:
-    """Whether the figures can be trusted, by the rules of app/results/trust.py."""
+    """Whether the figures can be trusted, by the rules of app/results/trust.py, and which sensors lower them."""
     rows = [(f["task"], _stored_figure(f)) for f in figures if not f.get("detail")]
     titles = {task: _title({"task": task}, protocols.get(task), language) for task, _ in rows}
     posed = bool((content.get("calibration") or {}).get("quality"))
@@ -125,7 +130,10 @@ def _trust(
     asks_hand = resembles_other_hand(measured, changes, compared)
     found = judge_trust(rows, calibrated, edition, drifts, asks_hand)
     untested = content.get("untested") or {}
-    return trust_payload(found, titles, language, edition, untested)
+    leading = leading_findings(found, warnings)
+    return trust_payload(found, titles, language, edition, untested) | {
+        "findings": [language.translate(text) for text in leading]
+    }
 
 
 def _figure_payload(

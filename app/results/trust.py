@@ -35,6 +35,8 @@ TODO: Mapping[str, str] = {  # the code of a figure's reason, and what to do abo
     "flag.magnetic": "iron",
     "flag.faulty": "strip",
     "flag.doubtful": "strip",
+    "measure.too_few_taps": "more",
+    "measure.fewer_than": "more",
 }
 Answer = Literal["yes", "mostly", "no"]
 

@@ -16,7 +16,7 @@ export function mount(root, api, { title }) {
   root.append(
     h("div", { class: "head" }, h("div", {}, h("h1", {}, t("devices.title")), h("p", { class: "soft" }, t("devices.lead")))),
     box.element,
-    h("div", { class: "stack" }, h("h2", {}, t("devices.reachable")), reachable, h("h2", {}, t("devices.known")), earlier),
+    h("div", { class: "stack" }, part("devices.reachable", reachable), part("devices.known", earlier)),
   );
   let gone = false;
   let timer = 0;
@@ -48,6 +48,8 @@ export function mount(root, api, { title }) {
     clearTimeout(timer);
   };
 }
+
+const part = (words, gloves) => h("section", {}, h("h2", {}, t(words)), gloves);
 
 /** A port, and its glove while a session uses it: only then it says how it is. */
 function port({ path, description, in_use: used, live }) {

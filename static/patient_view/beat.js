@@ -22,7 +22,8 @@ export function mount(root, api, { screen }) {
     const paced = Boolean(state.pace?.cycle.length) && ["watch", "count", "run"].includes(state.stage);
     lamp.hidden = !paced;
     const all = state.pace?.repetitions ?? 0;
-    count.hidden = state.stage !== "run" || !(all || state.done);
+    const one = paced && all === 1 && state.pace.cycle.length === 1; // nothing to count
+    count.hidden = state.stage !== "run" || one || !(all || state.done);
     if (!count.hidden && !paced) write(count, all ? t("metronome.count", { done: state.done, all }) : counted("movements", state.done));
     if (paced && state.stage === "run" && state.pace.elapsed !== null) zero = onset.addMessage(now(), state.pace.elapsed);
     if (paced) frame ||= requestAnimationFrame(draw);
@@ -36,7 +37,8 @@ export function mount(root, api, { screen }) {
     const phase = pace.cycle[place?.phase ?? 0];
     write(lamp, phase.say);
     lamp.classList.toggle("bright", place !== null && phase.seconds - place.left < FLASH);
-    if (place) write(count, t("metronome.count", { done: place.repetition, all: pace.repetitions }));
+    const [done, all] = pace.repetitions > 1 ? [place?.repetition, pace.repetitions] : [place && place.phase + 1, pace.cycle.length];
+    if (place) write(count, t("metronome.count", { done, all })); // of one round its parts are counted
     if (stage === "run") frame = requestAnimationFrame(draw);
   }
 

@@ -2,6 +2,7 @@
 import { watchTheme } from "../theme.js";
 import uPlot from "../vendor/uplot/uPlot.esm.js";
 import { plain } from "../words/words.js";
+import { widening } from "./axis_width.js";
 
 /**
  * wanted.label    what a screen reader says
@@ -10,6 +11,7 @@ import { plain } from "../words/words.js";
  * wanted.xWords   (value) => text of an x tick
  * wanted.xTicks   (values) => texts of all x ticks, in place of xWords
  * wanted.steps, xSteps  distances that ticks may have
+ * wanted.axis     px for the texts of y ticks (76); `widens`: more where a text needs more, and never less again
  * wanted.space    least px between y ticks (34)
  * wanted.also     x values that stay in sight
  * wanted.top      px above the plot (10)
@@ -84,7 +86,7 @@ function optionsOf(wanted, root) {
       { ...axis, size: 30, ...incrs(wanted.xSteps), values: (u, ticks) => wanted.xTicks?.(ticks) ?? ticks.map(wanted.xWords ?? plain) },
       {
         ...axis,
-        size: wanted.axis ?? 76,
+        size: wanted.widens ? widening(wanted.axis) : (wanted.axis ?? 76),
         space: wanted.space ?? 34,
         ...incrs(wanted.steps),
         values: (u, ticks) => ticks.map(wanted.words),

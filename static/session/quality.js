@@ -1,4 +1,4 @@
-/** Whether the numbers can be trusted: the answer first, why and what to do; messages and the calibration are folded away. */
+/** Whether the numbers can be trusted: the answer, why, which sensors and what to do; other messages and the calibration are folded. */
 import { h } from "../dom.js";
 import { inWords, segmentWords } from "../words/clinical.js";
 import { counted, decimal, t } from "../words/words.js";
@@ -7,7 +7,8 @@ const LOOK = { yes: "good", mostly: "fair", no: "poor" };
 
 export function mount(root, api, { result }) {
   const { warnings, readings } = result;
-  const { answer, words, reasons, todo, untested } = readings.trust;
+  const { answer, words, reasons, findings, todo, untested } = readings.trust;
+  const others = warnings.filter((text) => !findings.includes(text));
   const list = (each) =>
     h(
       "ul",
@@ -20,8 +21,9 @@ export function mount(root, api, { result }) {
     h("h2", {}, t("quality.title")),
     h("p", { class: `trust ${LOOK[answer]}` }, words),
     ...(reasons.length ? [list(reasons)] : []),
+    ...(findings.length ? [h("h3", {}, t("quality.sensors")), list(findings.map(inWords))] : []),
     ...(todo.length ? [h("h3", {}, t("quality.todo")), list(todo)] : []),
-    ...(warnings.length ? [folded(counted("recording_messages", warnings.length), list(warnings.map(inWords)))] : []),
+    ...(others.length ? [folded(counted("recording_messages", others.length), list(others.map(inWords)))] : []),
     ...(untested.length ? [folded(t("quality.untested"), list(untested))] : []),
     folded(t("quality.calibration"), details),
   );

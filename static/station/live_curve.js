@@ -23,6 +23,7 @@ export function mount(root, api, { station }) {
     xWords: () => null, // no text is drawn, not an empty one
     window: (newest) => [newest - WINDOW, newest],
     axis: 120,
+    widens: true,
   });
 
   const rename = whenChanged(

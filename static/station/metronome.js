@@ -38,6 +38,7 @@ export function mount(root, api, { station }) {
   function take({ wizard, glove, numbers }) {
     pace = SHOWN.includes(wizard.state) ? wizard.pace : null;
     const paced = Boolean(pace?.cycle.length);
+    count.hidden = paced && pace.repetitions === 1 && pace.cycle.length === 1; // nothing to count
     drawKind([paced, paced || Boolean(pace?.repetitions), wizard.state]);
     const ago = COUNTING.includes(wizard.state) ? pace?.begins - wizard.remaining : RUNNING.includes(wizard.state) ? pace?.elapsed : null;
     if (COUNTING.includes(wizard.state)) begins = pace?.begins ?? 0;

@@ -103,6 +103,7 @@ function drawCurves(root, { t: times, curves, curve, marks, onset }) {
     words: (value) => valueWords(curve, value),
     xWords: (at) => t("trial.seconds", { at: Math.round(at - onset) }),
     axis: 120,
+    widens: true,
     under: (drawn) => drawMarks(drawn, marks),
   });
   plot.set([times, ...curves.map(({ values }) => values)]);

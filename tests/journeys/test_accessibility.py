@@ -50,7 +50,8 @@ TOUCHING = """() => {
     return Math.max(b.top + parseFloat(style.paddingTop) - a.bottom, a.top - b.bottom + parseFloat(style.paddingBottom));
   };
   const near = (c) => words.filter((e) => !e.contains(c) && !c.contains(e) && apart(c, e) < 3);
-  return controls.filter((c) => seen(c)).flatMap((c) => near(c).map((e) => `${c.textContent}: ${e.textContent}`));
+  const above = (c) => getComputedStyle(c).position === "sticky"; // over what is scrolled beneath it
+  return controls.filter((c) => seen(c) && !above(c)).flatMap((c) => near(c).map((e) => `${c.textContent}: ${e.textContent}`));
 }"""
 
 
@@ -234,6 +235,8 @@ def walk_on_from_the_pose(page: Page) -> None:
         page.emulate_media(color_scheme=next(schemes))  # type: ignore[arg-type]
         assert page.evaluate(RUN, RULES)["found"] == [], name
         assert page.evaluate(SMALL) == [], name
+        for onward in page.locator(".actions .primary").filter(visible=True).all():
+            expect(onward).to_be_in_viewport(ratio=1)
         fits(page, name, 1024)
 
     def asked(name: str) -> None:

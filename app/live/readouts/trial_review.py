@@ -34,6 +34,7 @@ from handscope.sessions.clinic.repeatability import Values
 log = logging.getLogger(__name__)
 POINTS = 240  # of a curve
 MOST = 3  # figures
+UNCOUNTED = ("reach", "force", "contacts")  # groups whose tasks have no taps and no repetitions
 LEAST = 8.0  # deg: a curve that goes less far shows no repetition
 EARLY = 0.9  # of the time asked for, below which a trial was stopped early
 SETTLE = tapping.MARGIN  # s after the trial until all samples have arrived that a measure looks at
@@ -74,7 +75,9 @@ def review(
         "end": end,
         "curve": curve,
         **_curves(shown, curve),
-        "marks": [round(float(t), 3) for t in _marks(results, shown.t, values, curve)],
+        "marks": []
+        if protocol.group in UNCOUNTED
+        else [round(float(t), 3) for t in _marks(results, shown.t, values, curve)],
         "figures": [_figure(r, f, curve, earlier) for r, f in select_figures(results, curve)],
         "fingers": _fingers(results, curve),
         "problem": problem_of(blocks, protocol, curve, values, trial),

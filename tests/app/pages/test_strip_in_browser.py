@@ -28,3 +28,22 @@ def test_the_curve_has_room_beside_or_above_the_numbers(
     assert boxes[0] and boxes[1]
     assert boxes[0]["width"] >= least and boxes[0]["height"] >= 120
     assert boxes[1]["x"] + boxes[1]["width"] <= width
+
+
+WIDTHS = """async (texts) => {
+  const { widening } = await import("/static/plots/axis_width.js");
+  const ctx = document.createElement("canvas").getContext("2d");
+  const [size, u] = [widening(76), { ctx, axes: [{ font: ["14px Inter"] }] }];
+  const widths = texts.map((text) => size(u, [text], 0));
+  ctx.font = "14px Inter";
+  return [widths, texts.map((text) => ctx.measureText(text).width)];
+}"""
+
+
+def test_an_axis_is_as_wide_as_its_longest_text_and_never_narrower_again(browser: Browser) -> None:
+    page = browser.new_page()
+    page.route(f"{SITE}/**", serve)
+    page.goto(SITE)
+    widths, texts = page.evaluate(WIDTHS, ["0°", "10° hinter Handebene", "0°"])
+    page.close()
+    assert widths[0] == 76 and widths[2] == widths[1] > texts[1] + 5

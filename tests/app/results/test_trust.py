@@ -5,11 +5,13 @@ from dataclasses import asdict
 import pytest
 
 from handscope.app.language import languages
+from handscope.app.results.leading_findings import leading_findings
 from handscope.app.results.result_view import readings
 from handscope.app.results.trust import judge_trust, trust_payload
 from handscope.estimators.measures.figure import Figure, Grade
 from handscope.estimators.measures.resting_drift import Drift
-from handscope.estimators.messages.sentence import phrase
+from handscope.estimators.messages import Message
+from handscope.estimators.messages.sentence import Sentence, phrase
 
 EN = languages()["en"]
 LOST, LIMIT = "samples lost on their way", phrase("flag.saturated")
@@ -50,6 +52,17 @@ def test_reasons_name_the_task_and_say_what_to_do() -> None:
     assert told["words"] == "Mostly: 5 of 6 figures rest on a good signal."
     assert told["reasons"] == ["Finger tapping, 1 figure: sensor at its limit."]
     assert "more slowly" in told["todo"][0]
+
+
+def test_a_task_with_too_few_movements_is_to_be_repeated_with_more() -> None:
+    few = [
+        figure("poor", phrase(code, count=10))
+        for code in ("measure.too_few_taps", "measure.fewer_than")
+    ]
+    told = trust_payload(
+        judge_trust([("open_close", f) for f in [*few, *[figure()] * 5]], True), {}, EN
+    )
+    assert told["todo"] == ["Repeat the task with more movements, ten at least."]
 
 
 def test_a_spread_larger_than_healthy_people_reach_is_flagged() -> None:
@@ -93,3 +106,36 @@ def test_what_was_not_tested_is_said_by_finger_and_changes_no_answer() -> None:
     assert "hand; ring" in gyroscopes
     assert "index" in strips
     assert trust_payload(trust, {}, EN)["untested"] == []
+
+
+def flagged(segments: str, flag: str) -> str:
+    share = phrase("processing.share_of_samples", what=phrase(flag), share=7.0)
+    return phrase("processing.segments_flagged", segments=segments, what=share)
+
+
+AT_LIMIT = flagged("index_distal", "flag.saturated")
+GYROSCOPE = phrase(
+    "fault.with_fix",
+    sensor="index_distal",
+    sentence=phrase("fault.at_limit", what="gyroscope", count=12, time=3.0),
+    fix=phrase("fault.larger_range"),
+)
+NEGATED = Sentence(Message("sensor.accelerometer_negated", {"sensor": "ring_middle"}, "fault"))
+USED = phrase("contacts.used", contacts="thumb on index finger")
+RECORDED = [USED, flagged("thumb_distal", "flag.magnetic"), AT_LIMIT, GYROSCOPE, NEGATED]
+
+
+@pytest.mark.parametrize(
+    ("warnings", "findings"),
+    [
+        (RECORDED, [NEGATED, GYROSCOPE]),  # the fault first, never more than two
+        (RECORDED[:3], [AT_LIMIT]),  # what no figure's reason names stays folded
+        (RECORDED[:2], []),
+    ],
+)
+def test_the_sensors_that_lower_figures_are_named_beside_the_answer(
+    warnings: list[str], findings: list[str]
+) -> None:
+    trust = judge_trust([("tapping", figure("poor", LIMIT)), ("tapping", figure())], True)
+    assert leading_findings(trust, warnings) == findings
+    assert leading_findings(judge_trust([("tapping", figure())], True), warnings) == []

@@ -60,6 +60,13 @@ def test_a_fist_shows_all_four_fingers_three_figures_and_a_mark_a_movement(
     assert words is not None and words["figures"][0]["last"] == "57°"
 
 
+def test_contacts_are_no_movements_that_are_marked_and_counted(fist: Simulated) -> None:
+    protocol = replace(PROTOCOLS["rom_fist"], group=PROTOCOLS["touch_table"].group)
+    blocks, trial = list(fist.samples.values()), trial_of(fist)
+    found = review(fist.truth, blocks, protocol, "index_pip_flexion", trial, sized("left"), NOTHING)
+    assert found["curves"] and found["marks"] == []
+
+
 @pytest.mark.parametrize("task", ["tapping", "rom_fist", "open_close"])
 @pytest.mark.parametrize("late", [0.0, 0.13, 1.7])  # s that the trial begins after the movement
 def test_there_is_a_mark_for_every_tap_and_every_repetition_that_is_counted(

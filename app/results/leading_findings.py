@@ -1,0 +1,38 @@
+"""Which sensor lowers the figures: the messages about a recording that stand beside the answer where it is not yes, the others being folded.
+
+Rule      a fault of a sensor first, then what is doubtful of one, then which sensors have the flag that a figure's reason names; at most MOST
+"""
+
+from collections.abc import Sequence
+
+from handscope.app.results.trust import Trust
+from handscope.estimators.messages.sentence import codes_of, messages_of
+
+MOST = 2
+ABOUT_SENSORS = ("sensor.", "sensors.", "file.", "fault.", "joint.")
+FLAGGED = "processing.segments_flagged"
+ABSENT = "recording.strip_absent"
+GAPS = frozenset({"flag.missing", "flag.lost"})  # what an absent strip leaves
+
+
+def leading_findings(trust: Trust, warnings: Sequence[str]) -> list[str]:
+    """Of the recording's messages, as they are stored, those that a reader needs first; none where the answer is yes."""
+    if trust.answer == "yes":
+        return []
+    reasons = frozenset().union(*(codes_of(doubt.reason) for doubt in trust.doubts))
+    ranked = ((_rank(text, reasons), text) for text in warnings)
+    known = [(rank, text) for rank, text in ranked if rank is not None]
+    return [text for _, text in sorted(known, key=lambda found: found[0])[:MOST]]
+
+
+def _rank(text: str, reasons: frozenset[str]) -> int | None:
+    """The smaller, the earlier; None for what names no sensor, or nothing that lowers a figure."""
+    severities = {message.severity for message in messages_of(text)}
+    codes = codes_of(text)
+    if severities == {"info"}:
+        return None
+    if any(code.startswith(ABOUT_SENSORS) for code in codes):
+        return 0 if "fault" in severities else 1
+    if (FLAGGED in codes and codes & reasons) or (ABSENT in codes and reasons & GAPS):
+        return 2
+    return None
