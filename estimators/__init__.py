@@ -6,6 +6,6 @@ Conventions (docs/conventions.md), the same everywhere:
     w_ab_b    angular rate of b against a, in b, rad/s
     acc       specific force: a resting sensor reads +g upwards, m/s^2
     G         global frame, z up, heading arbitrary; B segment, S sensor, H hand, p/c parent and child segment, WCS wrist
-    arrays    (n, segments, 4), (n, joints, 3), (n, fingers, 3) in the order of hand_anatomy.SEGMENTS, JOINTS, FINGERS; NaN = not measured
+    arrays    (n, segments, 4), (n, joints, 3), (n, fingers, 3) in the order of hand/anatomy.py: SEGMENTS, JOINTS, FINGERS; NaN = not measured
     units     SI; t in s from the start of the recording; ..._sd is a standard deviation; _deg and _mm only where a person reads
 """

@@ -60,7 +60,7 @@ COLUMNS = (
     ),
     *("field_x", "field_y", "field_z", "left", "found"),
 )
-MOMENT = 0.015  # of the moment: its error, with that of the dipole model, as tracker/options.py
+MOMENT = 0.015  # of the moment: its error, with that of the dipole model, as in magnet/tracker/options.py
 UNCALIBRATED = 2e-6  # T an axis, where nothing is declared of the calibration
 GAIN = 0.03  # of a magnetometer's readings: data sheets say up to 5 % (AK8975, HMC5883L)
 

@@ -25,7 +25,7 @@ class Reference:
     """How far one end of a joint's range conventionally reaches."""
 
     joint: str
-    angle: str  # of estimators.hand_anatomy.ANGLES
+    angle: str  # of estimators.hand.anatomy.ANGLES
     end: Literal["largest", "smallest"]
     degrees: float  # signed as everywhere
     source: Source

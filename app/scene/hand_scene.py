@@ -250,7 +250,7 @@ class HandScene:
             self._push()
 
     def highlight(self, segment: str | None) -> None:
-        """Light the skin of one segment of hand_anatomy.SEGMENTS, or none."""
+        """Light the skin of one segment of anatomy.SEGMENTS, or none."""
         assert segment is None or segment in SEGMENT
         with self._lock, self._server.atomic():
             shown = () if segment is None else self._lit_parts(segment)

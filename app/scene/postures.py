@@ -1,6 +1,6 @@
 """Postures to draw: what stands in for angles that are not measured, and smooth ways from one posture to the next for the ghost hand.
 
-In/Out  joint angles (joints, 3) rad of hand_anatomy.JOINTS
+In/Out  joint angles (joints, 3) rad of anatomy.JOINTS
 Source  minimum jerk: Flash & Hogan 1985, J Neurosci 5:1688
 """
 

@@ -1,7 +1,7 @@
 """How each sensor sits on its segment, however it was put on: from gravity on the flat hand and
 from the axes about which the joints bend.
 
-In      the pieces of the calibration (functional_steps.py), a Calibration from the initial pose
+In      the pieces of the calibration (functional_movements.py), a Calibration from the initial pose
 Out     a Calibration with q_BS of every sensor of which the pieces tell something; the others as in
         the pose, against the hand
 Source  Kortier, thesis (2.34): x from gravity on the flat hand, z from the gyroscope in flexion, R

@@ -2,7 +2,7 @@
 the recording, before anything is judged.
 
 Frames  trunk: that of its inertial sensor; hand: that of its inertial sensor. What it must be to be
-        used: magnet_setup.py
+        used: magnet/model/setup.py
 """
 
 from collections.abc import Mapping, Sequence

@@ -92,7 +92,7 @@ class Trajectory:
 
     hand: Hand
     t: Array  # (n,) s from the start of the recording
-    # (n, joints, 3) rad: flexion, deviation, pronation of hand_anatomy.JOINTS; NaN where a joint
+    # (n, joints, 3) rad: flexion, deviation, pronation of anatomy.JOINTS; NaN where a joint
     # has no such freedom
     angles: Array
     q_GS: Array  # (n, segments, 4) segment orientations in the global frame

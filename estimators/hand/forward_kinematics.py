@@ -1,7 +1,7 @@
 """Fingertips and segment orientations from joint rotations, by unit dual quaternions along wrist -
 hand - proximal - middle - distal.
 
-In      q_pc (..., joints, 4) of hand_anatomy.JOINTS, a sized hand
+In      q_pc (..., joints, 4) of anatomy.JOINTS, a sized hand
 Out     tips (..., 5, 3) in WCS, m; or segment orientations on the hand
 Source  Salchow-Hoemmen 2019, (23)-(27)
 """

@@ -3,7 +3,7 @@
 In      a trajectory, the stretch of time of the task, the hand's geometry, which points are meant and how far apart they truly are
 Out     of every pair: distance over time; smallest and largest that were held; against a known distance mean error and RMSE
 Source  Salchow-Hoemmen 2019, (30), (31), Fig. 10 and Table 5 (P1 to P4); the task's details hold `contacts` ("thumb_bottom-index_bottom ...") and `distances_mm`
-Limits  where a finger touches is never known to better than some millimetres; widths of fingertips are an adult's (fingertips.py)
+Limits  where a finger touches is never known to better than some millimetres; widths of fingertips are an adult's (data/fingertip_contacts.py)
 """
 
 from collections.abc import Mapping

@@ -5,7 +5,7 @@ In      inertial (and, if wanted, magnetic) samples of the hand's sensor, a Cali
 Out     HandPath at every sample: place and velocity in the global frame (z up) since the start,
         orientation of the hand, standard deviations
 Source  Kortier, thesis 2.2.4, (2.33), after Roetenberg et al. 2005; standstill: Skog et al. 2010
-        (zero_velocity.py). The error state is [dp, dv, dth, db_g, db_a] in the global frame: q_true
+        (sensors/zero_velocity_detector.py). The error state is [dp, dv, dth, db_g, db_a] in the global frame: q_true
         = exp(dth) q; the accelerometer's bias is ours
 Limits  between two standstills the place drifts with the square of time: a path is good for a few
         seconds, and its standard deviation says how good; the place is the sensor's on the back of

@@ -3,7 +3,7 @@
 In      even readings of a finger's sensors and the hand's over about a second, and how they are turned at its beginning as live tracking has it
 Out     AccumulatedInformation: information on the parameters, which adds up over stretches; from all so far a standard deviation of each length and place, by joint
 Source  the residuals of self-calibration and their derivatives (residuals.py), the movement eliminated (normal_equations.py), what noise makes up taken
-        off (covariance.py), sizes of errors learnt as of a solution (posterior.py); enough is what self-calibration itself asks for (findings.Asked)
+        off (uncertainty/parameter_covariance.py), sizes of errors learnt as of a solution (uncertainty/posterior.py); enough is what self-calibration itself asks for (result.Requirements)
 Limits  each stretch turns as its gyroscopes say from where tracking has it, sensors sit in the middle of their segments: derivatives are those of a hand
         near the true one. Scale errors and lag count as known; sizes of errors are learnt of accelerations and hinges, to first order; skin is as
         soft as it is believed before anything is learnt, and the hand's follows this finger alone
@@ -244,7 +244,7 @@ def _expand_step(of: Limb, step: Step) -> Step:
 
 
 def _add_hand_soft_tissue(problem: Problem, at: Unknowns, terms: Terms) -> Terms:
-    """`meeting` with columns behind all others for the skin that moves the hand's sensor with this finger, which is believed to be rigid."""
+    """`joint_acceleration_terms` with further columns for the skin that moves the hand's sensor with this finger; the prior is a rigid one."""
     k, T, first = whole_hand_problem.root_joint(problem.chain), len(terms.r), terms.first + 1
     rigid = HandPlace(
         (at,), np.zeros((len(problem), 3)), np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1)

@@ -150,7 +150,7 @@ class Chain:
     """Sensors joined to a tree: the first is the root, every other one hangs on one joint."""
 
     sensors: tuple[str, ...]  # by segment
-    joints: tuple[str, ...]  # of hand_anatomy.JOINTS, (J,)
+    joints: tuple[str, ...]  # of anatomy.JOINTS, (J,)
     parents: Indices  # (J,) rows of sensors
     children: Indices  # (J,)
     hinges: Indices  # (H,) which joints turn about one axis

@@ -2,7 +2,7 @@
 
 In      even readings of a chain's sensors, one behind the other
 Out     the order from the hand on in which they meet best, where that is clearly not the chain's own
-Source  ours; how well two sensors meet: first_guess.met
+Source  ours; how well two sensors meet: initialisation.fit_joint
 Limits  asked only of what could not be calibrated. Read from its other end a chain meets as well: the hand is taken to turn less than the last phalanx
 """
 

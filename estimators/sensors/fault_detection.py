@@ -1,11 +1,11 @@
-"""Faults of single sensors, from their readings: axes that stand still (standstill.py), clipping,
+"""Faults of single sensors, from their readings: axes that stand still (stuck_axes.py), clipping,
 gravity, bias, magnetometers.
 
 In      samples of all streams, one block each; a stretch at rest
 Out     Findings; nothing for a healthy sensor
 Source  limits from data sheets (MPU-9250 specification rev. 1.0, tables 1-3; LSM330DLC), the
         Earth's field from the IGRF; rules ours
-Limits  those of standstill.py and full_scales.py
+Limits  those of stuck_axes.py and saturation.py
 """
 
 from collections.abc import Sequence

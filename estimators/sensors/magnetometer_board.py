@@ -5,7 +5,7 @@ In      readings (n, magnetometers, 3) T at the same instants, the nominal turn 
         plate
 Out     Solved by magnetometer: hard and soft iron of each, one strength of the field, axes that
         agree with the first one's; why others could not be
-Source  magnetometer_sphere.py (Kok & Schoen 2016; Kortier, thesis 5.2.4)
+Source  magnetometer_ellipsoid.py (Kok & Schoen 2016; Kortier, thesis 5.2.4)
 Limits  how the first is turned against the trunk's inertial sensor stays as its mounting says; a
         magnetometer alone is its own first
 """

@@ -9,8 +9,8 @@ Source  Kok & Schoen 2016, IEEE Sensors J. 16:5679, (20)-(26) (maximum likelihoo
         5.2.4 uses it); first values: the quadric of least squares, Gander, Golub & Strebel 1994,
         BIT 34:558. Hard iron is the bias, soft iron and the axes' scales are the matrix
 Limits  strength alone cannot see a turn of the whole magnetometer: the matrix is symmetric; on one
-        plate `common_axes` finds the turns against the first, six_positions.py the turn against the
-        accelerometer. The field's strength is not known from readings: theirs is kept, or given
+        plate `find_common_axes` finds the turns against the first,
+        six_position_calibration.py the turn against the accelerometer. The field's strength is not known from readings: theirs is kept, or given
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Full scales that a recording does not tell, from readings that repeat their largest value; with
+"""Full scales that a recording does not state, from readings that repeat their largest value; with
 them clipped samples are bridged, not used.
 
 In      samples of a stream, one block; or a whole Recording

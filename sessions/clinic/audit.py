@@ -1,7 +1,7 @@
 """The audit trail: who saw, made, changed, exported and erased what, who logged in and what was refused; only ever appended to.
 
-Each line holds the hash of the one before, so that a line changed, taken out or put in breaks the chain from there on (`verified`). Who can write
-the whole database can forge a whole chain, or cut off its end: note the last line's number and hash elsewhere (`head`; every backup does) and verify
+Each line holds the hash of the one before, so that a line changed, taken out or put in breaks the chain from there on (`verify`). Who can write
+the whole database can forge a whole chain, or cut off its end: note the last line's number and hash elsewhere (`read_head`; every backup does) and verify
 against them. Triggers refuse UPDATE and
 DELETE of lines besides.
 

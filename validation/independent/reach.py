@@ -1,6 +1,6 @@
 """The hand followed by a magnet in a world that is not ours: another simulator, files as another program writes them, the product's own way from there on.
 
-In      outside/reaching.py, which shares nothing with the estimators: a finite magnet, iron, a room whose field is not the same everywhere, sensors with faults
+In      simulator/reaching.py, which shares nothing with the estimators: a finite magnet, iron, a room whose field is not the same everywhere, sensors with faults
 Way     a plate is turned, the recording of it opened and its magnetometers calibrated; the movement is written as Motion-BIDS, opened and processed
 Out     what a clinician is told against the truth: place, orientations, how sure, what is wrong and not marked
 """

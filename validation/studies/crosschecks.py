@@ -1,4 +1,4 @@
-"""Sensors checked against each other (estimators/fault_detection/neighbours.py): which faults are found from which size on, and how often an intact recording is suspected.
+"""Sensors checked against each other (estimators/fault_detection/neighbours): which faults are found from which size on, and how often an intact recording is suspected.
 
 Recordings are simulated ones of ours, after an initial pose, and freely moved hands of the simulator that shares nothing with the program; faults are put into their samples.
 """

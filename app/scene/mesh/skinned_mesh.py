@@ -27,7 +27,7 @@ class SkinnedMesh:
 
 
 def mirrored(mesh: SkinnedMesh) -> SkinnedMesh:
-    """The same surface on the other hand: frames differ by the sign of all axes (hand_anatomy), so the triangles turn round."""
+    """The same surface on the other hand: frames differ by the sign of all axes (hand/anatomy.py), so the triangles turn round."""
     return replace(mesh, vertices=-mesh.vertices, faces=mesh.faces[:, ::-1].copy())
 
 

@@ -1,8 +1,8 @@
 """One finger with the hand's sensor in a sliding window: initialisation, update with every few nodes, uncertainty.
 
-In      Nodes of all sensors (live_readings.py), a Calibration from the initial pose, orientations of the sensors as they are believed where a window begins
+In      Nodes of all sensors (streaming_samples.py), a Calibration from the initial pose, the estimated orientations of the sensors where a window begins
 Out     Finger: its window, and what that says of its segments on the hand, lengths, standard deviations
-Source  ours: a beginning from the pose; sliding_window.py, segments.py and certainty.py do the rest
+Source  ours: started from the pose; estimator.py, segments.py and uncertainty/monte_carlo.py do the rest
 """
 
 from collections.abc import Iterator, Mapping

@@ -1,4 +1,4 @@
-"""Even readings of all sensors while they come, as recordings.py makes them of whole streams.
+"""Even readings of all sensors while they come, as sample_preparation.py makes them of whole streams.
 
 In      inertial blocks in order, cut anywhere; an instant that every stream that is not silent has reached
 Out     Nodes at about 100 Hz
@@ -151,7 +151,7 @@ def _neighbours_of_mean(state: State) -> int:
 
 
 def _correct_means(means: Array, lost: Bools, each: int) -> Array:
-    """As `recordings.at_middles`, but where a neighbour is lost means (m, segments, 6) are taken as they are."""
+    """As `sample_preparation.correct_means`, but means (m, segments, 6) beside a lost one stay uncorrected."""
     alone = np.ones(lost.shape, bool)
     alone[1:-1] = lost[:-2] | lost[2:]
     return np.where(alone[..., None], means, sample_preparation.correct_means(means, each))

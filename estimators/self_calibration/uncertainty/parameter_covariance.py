@@ -47,7 +47,7 @@ def spurious_information(
     draws: int = DRAWS,
     known: Sequence[Terms] | None = None,
 ) -> Array:
-    """Information (P, P) on the arms that noise of the orientations makes up: what it would tell if nothing turned; `known` is `meeting`, of all samples."""
+    """Information (P, P) on the arms that noise of the orientations makes up: what it would be if nothing turned; `known` are `joint_acceleration_terms` of all samples."""
     n, e, P = factor.Y.shape
     count = parameter_columns(problem.chain).near.stop
     information = np.zeros((P, P))
@@ -67,7 +67,7 @@ def spurious_information(
 
 
 def _noise_terms(problem: Problem, at: Unknowns, turns: Array, terms: Terms) -> Terms:
-    """`meeting` with derivatives by the arms as far as the orientations' noise makes them."""
+    """`joint_acceleration_terms` with only that part of the derivatives by the arms which the orientations' noise makes up."""
     chain = problem.chain
     first, stop, J = terms.first + 1, terms.first + 1 + len(terms.r), len(chain.joints)
     three = np.arange(first, stop)[:, None] + np.arange(-1, 2)

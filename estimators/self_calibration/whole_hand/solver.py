@@ -47,7 +47,7 @@ class HandSolution:
     costs: tuple[float, ...]
     normal: HandNormal
     factor: HandFactor
-    pulled: Array  # (P,) misfit.sizes
+    pulled: Array  # (P,) sandwich_covariance.squared_pulls
 
 
 def solve(
@@ -194,7 +194,7 @@ def _limb_columns(solution: HandSolution) -> list[Indices]:
 
 
 def worst_joints(solution: HandSolution) -> list[tuple[int, float]]:
-    """Of each limb the joint at which movement fits worst, and by how much it does not: beyond 1 by more than errors of single samples (`misfit.worst`)."""
+    """Of each limb the joint at which movement fits worst, and by how much: a value above 1 is more than errors of single samples explain (`sandwich_covariance.worst_joint`)."""
     return [
         sandwich_covariance.worst_joint(limb.chain, solution.pulled[cols])
         for limb, cols in zip(solution.problem.limbs, _limb_columns(solution))

@@ -3,7 +3,7 @@
 Angles  deg, on top of the flat hand; what is not named stays flat. Places of the wrist in m.
 Source  motions of a range-of-motion sheet: US VA worksheet "Hand, Thumb, Fingers"; opposition: Kapandji 1986, 0-10; one finger alone moves its
         neighbours, too (enslaving: van den Noort 2016)
-Limits  extents and paces are ours, within the natural ranges of grasp.py; the shares by which neighbours follow are ours
+Limits  extents and paces are ours, within the natural ranges of grasp_postures.py; the shares by which neighbours follow are ours
 """
 
 from collections.abc import Mapping

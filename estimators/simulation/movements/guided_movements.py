@@ -1,7 +1,7 @@
 """Movements of single fingers as an experimenter asks for them: abduction, flexion, circles, one joint after the other, and moving freely.
 
 Source  Salchow-Hoemmen 2019, 3.1.3 (10-15 repetitions in 30-50 s, below 2 rad/s); Valtin 2017, Fig. 4; Kortier thesis ch. 2 (116 per minute, 80 deg)
-Limits  extents of the joints are ours, within the natural ranges of grasp.py; repetitions vary as people's do, by up to a fifth
+Limits  extents of the joints are ours, within the natural ranges of grasp_postures.py; repetitions vary as people's do, by up to a fifth
 """
 
 from collections.abc import Mapping

@@ -2,7 +2,7 @@
 
 Angles  deg, on top of the flat hand; what is not named stays flat
 Source  Kortier thesis, Table 3.1 (pace, repetitions; mean rate of the fast tasks) and ch. 2 (flat hand and mould, 6 s each, 10 times)
-Limits  extents are ours, within the natural ranges of grasp.py; the table prints the index finger for tasks 8 and 9, which repeats 2 and 3:
+Limits  extents are ours, within the natural ranges of grasp_postures.py; the table prints the index finger for tasks 8 and 9, which repeats 2 and 3:
         read as index and middle finger, as task 7
 """
 

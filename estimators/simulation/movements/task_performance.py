@@ -2,7 +2,7 @@
 
 Speeds and extents are those of the protocols: joint rates below 2 rad/s for guided movements (Salchow-Hoemmen 2019, 3.1.3), tapping at 2.5 Hz
 (healthy 3.6 +- 0.9, Parkinson 2.6 +- 1.3 Hz in the public tapping recordings of ETF Belgrade, own evaluation), repetitions three;
-those of the PowerGlove study and of the repeatability protocol stand in powerglove.py, those of other assessments in assessment.py.
+those of the PowerGlove study and of the repeatability protocol stand in powerglove_tasks.py, those of other assessments in assessment_tasks.py.
 """
 
 from collections.abc import Callable, Mapping
