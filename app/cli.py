@@ -82,12 +82,10 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def _done(words: Sequence[str] | None) -> int:
-    os.environ.setdefault(
-        "OPENBLAS_NUM_THREADS", "1"
-    )  # matrices are small: more threads wait for each other
-    os.environ["PYTHONSAFEPATH"] = (
-        "1"  # no process that this one starts imports files of the folder it was started in
-    )
+    # matrices are small: more threads wait for each other
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # no process that this one starts imports files of the folder it was started in
+    os.environ["PYTHONSAFEPATH"] = "1"
     gc.set_threshold(*GARBAGE)
     given = list(sys.argv[1:] if words is None else words)
     parser = Parser(

@@ -18,9 +18,8 @@ from handscope.sessions.store.store import Store, store_at
 
 log = logging.getLogger(__name__)
 NO_ROOM_WAIT = 5.0  # s between two tries to settle a result while the database takes nothing
-CLOSE_WAIT = (
-    10.0  # s for the running job to end when the server stops; else the next start repeats it
-)
+# s for the running job to end when the server stops; else the next start repeats it
+CLOSE_WAIT = 10.0
 
 
 class Jobs:
@@ -29,9 +28,8 @@ class Jobs:
     def __init__(self, store: Store) -> None:
         self._store = store
         self._process = WorkerProcess(prepare_store, store.folder, store.url)
-        self._queue = ThreadPoolExecutor(
-            1, thread_name_prefix="jobs"
-        )  # its thread waits for the process
+        # its thread waits for the process
+        self._queue = ThreadPoolExecutor(1, thread_name_prefix="jobs")
         self._leaving = threading.Event()
 
     def __enter__(self) -> "Jobs":

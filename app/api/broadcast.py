@@ -17,9 +17,8 @@ from handscope.app.language import Language
 from handscope.app.live.stations import AnyStation
 from handscope.app.report.sections import self_calibration
 
-PULSE = (
-    1 / 120
-)  # s, at most one message to a viewer in each; shorter than the 10 ms between two poses
+# s, at most one message to a viewer in each; shorter than the 10 ms between two poses
+PULSE = 1 / 120
 TRANSLATED_KEYS = (
     "title",
     "instruction",
@@ -42,16 +41,11 @@ class StationBroadcast:
         self._viewers: list[asyncio.Event] = []
         self._leave: Callable[[], None] | None = None
         self._is_waking = False  # the loop will wake the viewers
-        self._pulse: tuple[tuple[int, float] | None, str, float] = (
-            None,
-            "",
-            0.0,
-        )  # its key, text, newest point
+        # its key, text, newest point
+        self._pulse: tuple[tuple[int, float] | None, str, float] = None, "", 0.0
         self._snapshot: tuple[int | None, str] = (None, "")  # number of the snapshot, as text
-        self._plain: tuple[int | None, Any] = (
-            None,
-            None,
-        )  # the same for one whose changes were asked for
+        # the same for one whose changes were asked for
+        self._plain: tuple[int | None, Any] = None, None
         self._changes: tuple[tuple[int, int] | None, str] = (None, "")  # from and to which
 
     @contextmanager

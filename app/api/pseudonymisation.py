@@ -21,14 +21,8 @@ WITHHELD: Mapping[str, Any] = {
     "date_reason": "",
     "doubts": [],
 }
-OF_EVENTS = (
-    "trial_type",
-    "onset",
-    "duration",
-    "task_name",
-    "outcome",
-    "score",
-)  # the rest may be text
+# the rest may be text
+OF_EVENTS = "trial_type", "onset", "duration", "task_name", "outcome", "score"
 
 
 def for_reader(requester: Requester, row: Mapping[str, Any]) -> dict[str, Any]:

@@ -17,18 +17,14 @@ from handscope.estimators.errors import InputError
 from handscope.sessions.clinic.accounts import LONGEST_SUBJECT
 from handscope.sessions.db.roles import ROLES
 
-ALGORITHMS = [
-    "RS256",
-    "PS256",
-    "ES256",
-]  # signed with the provider's private key; never none, never a shared secret
+# signed with the provider's private key; never none, never a shared secret
+ALGORITHMS = ["RS256", "PS256", "ES256"]
 PATIENCE = 10.0  # s for the provider to answer
 LEEWAY = 60  # s that the provider's clock may differ from ours
 NAME = "preferred_username"  # the claim that an account is called by
 LONGEST = 300  # characters of a reason
-Kind = Literal[
-    "refused", "late", "role", "away"
-]  # mismatch, too late, no role here, provider cannot be reached
+# mismatch, too late, no role here, provider cannot be reached
+Kind = Literal["refused", "late", "role", "away"]
 
 
 class SignOnError(InputError):
@@ -48,9 +44,8 @@ class SignOn:
     secret: str = field(default="", repr=False)
     scope: str = SCOPE
     claim: str = "roles"  # of the identity token, or of the provider's user information
-    roles: Mapping[str, str] = field(
-        default_factory=lambda: {role: role for role in ROLES}
-    )  # the provider's word -> ours
+    # the provider's word -> ours
+    roles: Mapping[str, str] = field(default_factory=lambda: {role: role for role in ROLES})
 
 
 @dataclass(frozen=True, kw_only=True)

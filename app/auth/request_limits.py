@@ -29,10 +29,8 @@ LANDMARK_UPLOADS = re.compile(r"/api/results/\d+/landmark-comparisons")
 PATIENCE = 10.0  # s that may pass without a byte
 SLOWEST = 16_000.0  # bytes/s on average after PATIENCE: GPRS
 MOST_AT_ONCE = 64  # requests of one address whose answers are not finished
-BURST, REFILL = (
-    400.0,
-    100.0,
-)  # requests in a row, and a second, of one address: a ward behind one address among them
+# requests in a row, and a second, of one address: a ward behind one address among them
+BURST, REFILL = 400.0, 100.0
 MOST_ADDRESSES = 4096  # whose requests are counted
 MOST_CONNECTIONS = 256  # of one address: browsers open six, and a web socket for every view
 TOO_SLOW = phrase("gate.request_stopped")

@@ -77,9 +77,8 @@ def _add_patients(arguments: argparse.Namespace) -> None:
 def _serve(arguments: argparse.Namespace) -> None:
     from handscope.app import serving
 
-    signal.signal(
-        signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM)
-    )  # as Ctrl-C does: what is below is undone
+    # as Ctrl-C does: what is below is undone
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     with ExitStack() as gloves:
         put_up = _terminals if hasattr(os, "openpty") else _addresses
         ports = zip(put_up(arguments, gloves), (f"virtual {hand} glove" for hand in GLOVES))

@@ -23,9 +23,8 @@ from handscope.sessions.wire.protocol_warnings import deviations
 
 RATE_SHARE = 0.02  # of the stated rate: oscillators of inertial sensors are within 1 to 2 % (LSM6DSV16X, BMI270 data sheets)
 CLOCK_DRIFT = 2000.0  # ppm; crystals are within 100, resistor-capacitor clocks are not
-GYR_NOISE = (
-    0.03  # deg/s per root Hz: four times the BMI270's 0.007; LSM6DSV16X and ICM-42688-P have 0.003
-)
+# deg/s per root Hz: four times the BMI270's 0.007; LSM6DSV16X and ICM-42688-P have 0.003
+GYR_NOISE = 0.03
 ACC_NOISE = 0.6  # mg per root Hz: four times the BMI270's 0.16; the others have 0.06 to 0.07
 GYR_BIAS = 3.0  # deg/s: three times the 1 of the LSM6DSV16X; BMI270 and ICM-42688-P have 0.5
 ACC_OFFSET = 80.0  # mg that the size at rest is off gravity: four times the 20 of BMI270 and ICM-42688-P; the LSM6DSV16X has 12

@@ -69,9 +69,8 @@ class Glove:
         self.trackers: list[dict[str, Any]] = []  # sensors of a source, a row each
         self.decoding_failures = 0
         self.received = 0  # bytes, of a glove or of anything else
-        self._worn_on: Mapping[str, str] | None = (
-            None  # to be told to the assembler with the next chunk
-        )
+        # to be told to the assembler with the next chunk
+        self._worn_on: Mapping[str, str] | None = None
         self._encoder = Encoder()
         self._sending = threading.Lock()
         self.relay = LiveRelay(self._record_relayed, self._set_line) if is_relay(port) else None

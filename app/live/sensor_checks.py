@@ -32,9 +32,8 @@ log = logging.getLogger(__name__)
 MOVED, MOVING = 10.0, 0.5  # s of movement that a first check needs; rad/s of the fastest sensor
 OFTENER = 2.0  # times as much movement until the next check of the first step
 LOOKED_AT = 30.0  # s, the newest of a recording
-BUSIEST = (
-    15.0  # s of those since the check before, in which sensors turn most: after the first step
-)
+# s of those since the check before, in which sensors turn most: after the first step
+BUSIEST = 15.0
 SHARE = 0.05  # of the tracker's processor time
 USUAL_COST = 0.07  # s of processor time, of a check of 15 s of 16 sensors; until one was run
 LESS_URGENT = 10  # of a process's priority

@@ -23,9 +23,8 @@ class Setup:
     continues: int | None = None  # session of the other hand in the same visit, that it follows
     hand: Hand
     geometry: HandGeometry
-    trunk_height: float | None = (
-        None  # m, of the trunk's sensor above the hips, where it was measured
-    )
+    # m, of the trunk's sensor above the hips, where it was measured
+    trunk_height: float | None = None
     port: str
     recording: Path
     method_name: str
@@ -36,13 +35,11 @@ class Setup:
     faults: tuple[str, ...] = ()  # of protocol files; their tasks are not offered
     steps: tuple[Protocol, ...] = ()  # of a functional calibration
     free: Protocol | None = None  # free movement to calibrate from
-    prior: PriorCalibration | None = (
-        None  # what the session takes over of an earlier self-calibration
-    )
+    # what the session takes over of an earlier self-calibration
+    prior: PriorCalibration | None = None
     prior_glove: str = ""  # device id of its glove
-    store_solution: Callable[[FoundCalibration, str], object] = lambda found, glove: (
-        None
-    )  # with the patient
+    # with the patient
+    store_solution: Callable[[FoundCalibration, str], object] = lambda found, glove: None
     scheduler: str | None = None  # of the cluster that self-calibrates; None: this machine does
     earlier: EarlierFigures = field(default_factory=EarlierFigures)  # what a trial is compared with
     outlets: tuple[str, ...] = ()  # addresses of app/live/outputs/choice.py; none by itself

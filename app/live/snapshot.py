@@ -70,9 +70,8 @@ class StationView:
     curve_title: str
     curve_unit: str
     curve_quantity: str
-    curve_points: Sequence[
-        tuple[float, float]
-    ]  # of the newest attempt and shortly before: s, mm or deg
+    # of the newest attempt and shortly before: s, mm or deg
+    curve_points: Sequence[tuple[float, float]]
     taps: int | None  # of the trial under review; None as long as it is not there
     hand_position: Mapping[str, Any] | None
     followed: bool  # whether the drawn hand is the tracked one

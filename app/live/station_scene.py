@@ -22,9 +22,8 @@ from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENT
 from handscope.estimators.numerics.typing import Array
 
 TRAIL, MOVED = 2.0, 0.03  # s of the hand's path that are drawn, once it went so far (m)
-INCLINED_INTERVAL = (
-    1 / 30
-)  # s, the same while nothing is calibrated: the mean over a quarter of a second moves slowly
+# s, the same while nothing is calibrated: the mean over a quarter of a second moves slowly
+INCLINED_INTERVAL = 1 / 30
 PICTURE_INTERVAL = 1 / 60  # s, least time between two pictures; more where the tracker is behind
 UNSEEN_INTERVAL = 0.25  # s, the same while no page shows the scene: drawing is half of what a station without a viewer costs
 MEASURED = (

@@ -59,9 +59,8 @@ log = logging.getLogger(__name__)
 QUEUE = 2000  # blocks, about 3 s of 7 streams at 10 ms; older ones are skipped
 PAST_SAMPLES = 90.0  # s of raw samples, for a pose or a calibration movement that just ended
 PAST_POSES = PAST_SAMPLES  # s of trajectory: poses are read together with their samples
-JOINED_POSES = (
-    128  # trajectories joined into one: few large arrays need less memory and garbage collection
-)
+# trajectories joined into one: few large arrays need less memory and garbage collection
+JOINED_POSES = 128
 JOINED_BLOCKS = 16  # small blocks joined into one: the last second is read ten times a second
 ORIENTATION_WAIT = 0.1  # s in which the hand's orientation is searched
 GUESSED_FROM = 1.0  # s of samples that gravity is read from where nothing is calibrated
@@ -107,9 +106,8 @@ class Tracking:
         self.mounting: Mapping[str, Array] = {}
         # by step of a functional calibration; every later pose is combined with them
         self.movements: Mapping[str, CalibrationMovement] = {}
-        self.prior: PriorCalibration | None = (
-            None  # an earlier self-calibration, used by every later pose
-        )
+        # an earlier self-calibration, used by every later pose
+        self.prior: PriorCalibration | None = None
         self.findings: tuple[Finding, ...] = ()  # of the sensors, from the newest check
         self._segment_flags = np.zeros(len(SEGMENTS), np.uint8)  # until the next calibration
         self._previous: _PreviousCalibration | None = None
@@ -260,14 +258,11 @@ class Tracking:
     ) -> Calibration:
         """The calibration with the sensors' faults among its warnings."""
         still = replace(pose, onset=calibration.t, duration=calibration.end - calibration.t)
-        findings = fault_detection.check(
-            measured(window), (calibration.t, calibration.end)
-        )  # the whole window: sensors that stood still while others moved
+        # the whole window: sensors that stood still while others moved
+        findings = fault_detection.check(measured(window), (calibration.t, calibration.end))
         broken = {f.sensor for f in findings if f.severity == "fault"}
-        mounting = {
-            **self.mounting,
-            **{s: calibration.q_BS[s] for s in calibration.q_BS_sd},
-        }  # alignment that movements have estimated
+        # alignment that movements have estimated
+        mounting = {**self.mounting, **{s: calibration.q_BS[s] for s in calibration.q_BS_sd}}
         findings += [
             f for f in mounting_checks.check(window, mounting, still, ()) if f.sensor not in broken
         ]
@@ -446,9 +441,8 @@ class Tracking:
         self.failures += len(faults)
         self._failed_since = self._failed_since + 1 if faults else 0
         if faults:
-            log.error(
-                "the method failed and goes on from its state before", exc_info=faults[0]
-            )  # the first stands for all of these blocks
+            # the first stands for all of these blocks
+            log.error("the method failed and goes on from its state before", exc_info=faults[0])
         if self._failed_since > MAX_FAILURES:
             self._start_again()
         return self._store_poses(pieces)

@@ -13,10 +13,8 @@ from handscope.estimators.hand.anatomy import ANGLES
 from handscope.estimators.measures.task_request import PAUSE
 from handscope.estimators.simulation.movements.task_performance import POSE_THUMB
 
-CLOSING, LEAVING = (
-    2.0,
-    0.3,
-)  # s after a word until fingertips touch, and before the next when they part
+# s after a word until fingertips touch, and before the next when they part
+CLOSING, LEAVING = 2.0, 0.3
 THUMB_COLUMNS = tuple(f"thumb_cmc_{name}_deg" for name in ANGLES)  # of a pose's event
 NO_TRUNK_DETAILS: Mapping[str, float] = {}
 

@@ -26,9 +26,8 @@ def read_status(glove: Glove, tracking: Tracking, hand: Hand) -> StationStatus:
         and now - newest < SILENCE
         and not wrong_hand_sentence(glove, hand)
     )
-    points = {
-        p for s in glove.assembler.streams.values() for p in s.sensors if p not in SEGMENT
-    }  # force sensors and magnetometers
+    # force sensors and magnetometers
+    points = {p for s in glove.assembler.streams.values() for p in s.sensors if p not in SEGMENT}
     return StationStatus(
         now=time.monotonic(),
         t=newest,

@@ -47,12 +47,10 @@ class Phase:
 
     say: Annotated[str, Field(min_length=1, max_length=20)]
     seconds: Seconds
-    mark: Word | None = (
-        None  # such stretches of an accepted attempt are marked in the recording under this name
-    )
-    contacts: Annotated[str, Field(pattern=_CONTACTS)] | None = (
-        None  # what fingertips are held against meanwhile, for calibration; of marked phases
-    )
+    # such stretches of an accepted attempt are marked in the recording under this name
+    mark: Word | None = None
+    # what fingertips are held against meanwhile, for calibration; of marked phases
+    contacts: Annotated[str, Field(pattern=_CONTACTS)] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,36 +79,30 @@ class Protocol:
     routine: bool = False  # part of the usual assessment, which is offered first
     source: str = ""  # where pace and numbers come from
     duration: Seconds | None = None  # s
-    cycle: Annotated[
-        tuple[Phase, ...], Field(max_length=12)
-    ] = ()  # one movement; the metronome beats where a phase begins
+    # one movement; the metronome beats where a phase begins
+    cycle: Annotated[tuple[Phase, ...], Field(max_length=12)] = ()
     repetitions: Count | None = None  # movements in a trial
     trials: Count = 1  # times that the task is to be accepted
     pause: Annotated[float, Field(ge=0, le=600)] = 0.0  # s of rest between two trials
-    resumes: Literal["anywhere", "phase", "repetition"] | None = (
-        None  # where a paused trial goes on: where it stopped, or with the phase or
-    )
-    # repetition that the pause broke off; without it a pause ends the trial, because its rhythm, decrement or whole length is what is measured
-    countdown: Annotated[float, Field(ge=0, le=30)] = (
-        3.0  # s before it starts, and before it goes on after a pause
-    )
+    # where a paused trial goes on: where it stopped, or with the phase or repetition that the pause
+    # broke off; None: a pause ends the trial, because its rhythm, decrement or whole length is what
+    # is measured
+    resumes: Literal["anywhere", "phase", "repetition"] | None = None
+    # s before it starts, and before it goes on after a pause
+    countdown: Annotated[float, Field(ge=0, le=30)] = 3.0
     curve: str  # "aperture" (thumb to index tip), "palm_turn", or a joint angle such as index_pip_flexion; movements are counted on it
-    needs: tuple[
-        str, ...
-    ] = ()  # segments and force sensors that must be measured for the task to be offered
+    # segments and force sensors that must be measured for the task to be offered
+    needs: tuple[str, ...] = ()
     needs_any: tuple[str, ...] = ()  # of these, `needs_count` must be measured, too; empty: none
     needs_count: Count = 1
-    ghost: tuple[
-        Mapping[str, float], ...
-    ] = ()  # postures (joint angles and forearm_pronation, deg) that the ghost goes through; empty: none
+    # postures (joint angles and forearm_pronation, deg) that the ghost goes through; empty: none
+    ghost: tuple[Mapping[str, float], ...] = ()
     pace: Seconds = 1.5  # s that each of them takes
-    mode: Literal["active", "passive"] = (
-        "active"  # who moves the hand: the patient, or the therapist while the patient lets go
-    )
+    # who moves the hand: the patient, or the therapist while the patient lets go
+    mode: Literal["active", "passive"] = "active"
     score: Score | None = None  # asked of the clinician with every trial
-    details: Mapping[str, str] = field(
-        default_factory=dict
-    )  # kept in the recording with every trial, for the measures
+    # kept in the recording with every trial, for the measures
+    details: Mapping[str, str] = field(default_factory=dict)
     cue: Annotated[str, Field(max_length=60)] = ""  # what a virtual patient is told to do
     cue_details: Mapping[str, str] = field(default_factory=dict)
 
@@ -316,10 +308,8 @@ def _mistakes(file: str, p: Protocol) -> Iterable[str]:
 
 def _sentence(errors: Sequence[ErrorDetails]) -> str:
     """The first thing wrong, in words."""
-    error, more = (
-        min(errors, key=lambda e: e["type"] not in UNKNOWN),
-        len(errors) - 1,
-    )  # a misspelt field is missing, too
+    # a misspelt field is missing, too
+    error, more = min(errors, key=lambda e: e["type"] not in UNKNOWN), len(errors) - 1
     where = "".join(
         f"[{part}]" if isinstance(part, int) else f".{part}" for part in error["loc"]
     ).lstrip(".")

@@ -3,9 +3,8 @@
 import json
 import re
 
-WHERE = re.compile(
-    r"[A-Za-z_]\w*(?:\[\d+\]|\.\w+)*"
-)  # cycle[0].seconds, at the beginning of a sentence
+# cycle[0].seconds, at the beginning of a sentence
+WHERE = re.compile(r"[A-Za-z_]\w*(?:\[\d+\]|\.\w+)*")
 BLANK = re.compile(r"\s*")
 _DECODER = json.JSONDecoder()
 

@@ -28,12 +28,8 @@ from handscope.sessions.clinic.references import Course
 from handscope.sessions.clinic.repeatability import Values
 from handscope.sessions.files.recording import LoadedRecording
 
-ATTEMPTED = (
-    "accepted",
-    "redone",
-    "paused",
-    "not used",
-)  # outcomes of an attempt that say nothing about the patient
+# outcomes of an attempt that say nothing about the patient
+ATTEMPTED = "accepted", "redone", "paused", "not used"
 CURVE_POINTS = 500  # of a curve on the page: finer than the print
 
 
@@ -150,9 +146,8 @@ class Task:
     result: TaskResult
     title: str  # of the task
     measure_title: str
-    asked: (
-        frozenset[str] | None
-    )  # angles (index_mcp_flexion, ...) that the patient was asked to move; None: not known, any
+    # angles (index_mcp_flexion, ...) that the patient was asked to move; None: not known, any
+    asked: frozenset[str] | None
     curves: tuple[Curve, ...] = ()
     grading: str = ""  # the scheme that names its figures (gradings.py), where it was chosen
     against: OtherHand | None = None  # of which total active motion is a share; None: the norm
@@ -228,16 +223,14 @@ class Content:
     measured: tuple[str, ...]  # segments that carry a sensor
     flagged: tuple[Flagged, ...]
     warnings: tuple[str, ...]
-    changes: Changes | None = (
-        None  # since the patient's session before; None where there is nothing to compare with
-    )
+    # since the patient's session before; None where there is nothing to compare with
+    changes: Changes | None = None
     course: Course | None = None  # the patient's sessions until now, and the other hand
     not_done: tuple[NotDone, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     scores: tuple[Scored, ...] = ()
-    self_calibration: Mapping[str, Any] | None = (
-        None  # what the method found of hand and sensors (self_calibration.kept_of)
-    )
+    # what the method found of hand and sensors (self_calibration.kept_of)
+    self_calibration: Mapping[str, Any] | None = None
     compared: ComparedWith | None = None
     goals: tuple[GoalReading, ...] = ()
     same_visit: bool = False  # the other hand of `course` was measured in the same visit

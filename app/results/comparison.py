@@ -20,21 +20,10 @@ COLUMNS = (
     "task", "onset_s", "end_s", "name", "unit", "samples", "share", "rom_a", "rom_b", "drom",
     "drms", "offset", "drms_minus_offset", "limit_low", "limit_high", "correlation",
 )  # fmt: skip
-LENGTHS = (
-    "rom_a",
-    "rom_b",
-    "drom",
-    "drms",
-    "offset",
-    "drms_minus_offset",
-    "limit_low",
-    "limit_high",
-)  # columns in the row's unit
-PLOTS: tuple[Literal["svg", "png", "pdf"], ...] = (
-    "svg",
-    "png",
-    "pdf",
-)  # forms of the Bland-Altman plot
+# columns in the row's unit
+LENGTHS = "rom_a", "rom_b", "drom", "drms", "offset", "drms_minus_offset", "limit_low", "limit_high"
+# forms of the Bland-Altman plot
+PLOTS: tuple[Literal["svg", "png", "pdf"], ...] = "svg", "png", "pdf"
 SIGN = "differences are B minus A: a positive offset says that B reads more"
 
 

@@ -38,12 +38,8 @@ from handscope.estimators.measures.total_active_motion import GRADINGS
 from handscope.estimators.messages.sentence import codes_of
 from handscope.sessions.clinic.references import Compared
 
-FOLDING = (
-    "total_active_motion",
-    "open_close",
-    "pronation_supination",
-    "independence",
-)  # measures that have a headline or a table of their own
+# measures that have a headline or a table of their own
+FOLDING = "total_active_motion", "open_close", "pronation_supination", "independence"
 NORM_TEXTS = frozenset({"name", "reference", "note"})
 CALIBRATION = {"rate_wander": "deg/s", "tilt_change": "deg", "bias": "deg/s", "misalignment": "deg"}
 

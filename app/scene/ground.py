@@ -12,9 +12,8 @@ from handscope.estimators.numerics.typing import Array
 
 BELOW = 0.22  # scene units that the ground lies below the lowest point of a movement
 HIGHEST, LOWEST = -0.5, -2.0  # scene units below the wrist
-OVER = (
-    -0.01
-)  # scene units of the contact shadow over the ground: below its lines, which it would hide
+# scene units of the contact shadow over the ground: below its lines, which it would hide
+OVER = -0.01
 LENGTH, BREADTH = 2.5, 1.7  # scene units of the contact shadow
 DARKEST = 85  # of 255, below the palm
 PIXELS = (96, 64)

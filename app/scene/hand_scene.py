@@ -131,9 +131,8 @@ class HandScene:
                 else quat.multiply(self._q_DG, q_GH)
             )
             filled, q_DH = self._passage.at(self._clock(), postures.filled(angles), wanted)
-        pose = bones.pose(
-            filled, self._geometry
-        )  # outside the lock: nothing is sent to anybody while it is held
+        # outside the lock: nothing is sent to anybody while it is held
+        pose = bones.pose(filled, self._geometry)
         with self._lock, self._server.atomic():
             self._own.bend(*pose)
             self._shown = filled, self._shown[1] if q_GH is None else q_GH

@@ -11,9 +11,8 @@ from handscope.app.scene import palette
 from handscope.estimators.numerics.typing import Array
 
 SCALE = 1.1
-AT = np.array(
-    [-1.02, -0.15, 0.0]
-)  # the trunk's sensor: beside the cuff, where neither metronome nor countdown lies over it
+# the trunk's sensor: beside the cuff, where neither metronome nor countdown lies over it
+AT = np.array([-1.02, -0.15, 0.0])
 RINGS = (0.2, 0.4, 0.6)  # m
 TRUNK = (0.16, 0.09, 0.26)  # m, half axes of the chest: across, deep, high; ours
 MAGNET = 0.022  # m, drawn larger than it is

@@ -107,9 +107,8 @@ class SceneProcess:
     def _request(self, kind: str, *arguments: Any) -> None:
         with self._lock:
             for requests in (self._newest, self._waiting):
-                requests.pop(
-                    kind, None
-                )  # the newest goes last: `face_ahead` applies to the hand shown after it
+                # the newest goes last: `face_ahead` applies to the hand shown after it
+                requests.pop(kind, None)
                 requests[kind] = arguments
             self._send_waiting()
 

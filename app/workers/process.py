@@ -38,9 +38,8 @@ class DiedError(Exception):
 
     def __init__(self, exit_code: int | None) -> None:
         super().__init__(f"the working process ended with {exit_code}")
-        self.was_terminated = (
-            exit_code == -signal.SIGTERM
-        )  # by a request: the call is not the cause
+        # by a request: the call is not the cause
+        self.was_terminated = exit_code == -signal.SIGTERM
 
 
 class WorkerProcess(Generic[C]):

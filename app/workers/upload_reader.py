@@ -25,9 +25,8 @@ class UploadReader:
 
     def __init__(self) -> None:
         self._process = WorkerProcess(no_context)
-        self._queue = ThreadPoolExecutor(
-            1, thread_name_prefix="opening"
-        )  # its thread waits for the process
+        # its thread waits for the process
+        self._queue = ThreadPoolExecutor(1, thread_name_prefix="opening")
 
     def __enter__(self) -> "UploadReader":
         return self

@@ -103,9 +103,8 @@ class Pose:
     thumb_cmc: Angles = NEUTRAL  # rad
     passive: bool = False  # the therapist laid the hand so
     measured: Mapping[str, Angles] = field(default_factory=dict)  # rad, by other joint
-    sd: Mapping[str, Angles] = field(
-        default_factory=dict
-    )  # rad, by joint, of what was measured; NaN: as well as a person takes the pose
+    # rad, by joint, of what was measured; NaN: as well as a person takes the pose
+    sd: Mapping[str, Angles] = field(default_factory=dict)
     repetition: int = 1  # from 2 on: the pose before taken again, the hand lifted between
 
     @property

@@ -16,9 +16,8 @@ from handscope.estimators.force import interpolation, zero
 from handscope.estimators.numerics.typing import Array, Bools
 
 LEVER = 5e-3  # m: interpolation.py knows how forces change; a torque is taken for one of them at this lever; ours
-IMPOSSIBLE = (
-    5.0  # Nm: 500 N at a lever of a centimetre; no fingertip does that, the unit is another
-)
+# Nm: 500 N at a lever of a centimetre; no fingertip does that, the unit is another
+IMPOSSIBLE = 5.0
 BRIDGED = 0.25  # s to the nearest sample, beyond which a torque counts as missing, as forces do
 PUSHES = 0.5  # N along the normal, below which no twist is computed: ours
 LEAST = 8  # samples of a sensor that is used

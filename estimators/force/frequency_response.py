@@ -86,9 +86,8 @@ def estimate_response(t: Array, u: Array, y: Array, length: float = 3.0) -> Resp
     (frequency, S_uu), (_, S_yy), (_, S_uy) = (
         csd(a, b, fs=rate, nperseg=n) for a, b in ((u, u), (y, y), (u, y))
     )
-    segments = max(
-        1.0, (2 * len(t) / n - 1) * 9 / 11
-    )  # half overlap of Hann windows: 9/11 as many count (Welch 1967)
+    # half overlap of Hann windows: 9/11 as many count (Welch 1967)
+    segments = max(1.0, (2 * len(t) / n - 1) * 9 / 11)
     power = np.abs(S_uu)
     coherence = np.abs(S_uy) ** 2 / np.maximum(power * np.abs(S_yy), 1e-300)
     P = np.asarray(S_uy / np.maximum(power, 1e-300), complex)

@@ -40,18 +40,17 @@ class GraspPhase:
     speed: Array  # (n,) m/s upwards
     height: Array  # (n,) m above where it was grasped
     flags: NDArray[np.uint8]  # (n, S)
-    turning: Array | None = (
-        None  # (n,) W that the fingertips' torques put into it; None where not all of them are known all the time
-    )
+    # (n,) W that the fingertips' torques put into it; None where not all of them are known all the
+    # time
+    turning: Array | None = None
     turning_sd: Array | None = None  # (n,) W
     velocity: Array | None = None  # (n, 3) m/s of the object, in the global frame
-    twist: Array | None = (
-        None  # (n, S) Nm about the normal of each fingertip, as a right-handed screw driven the way its pad faces; NaN where not known
-    )
+    # (n, S) Nm about the normal of each fingertip, as a right-handed screw driven the way its pad
+    # faces; NaN where not known
+    twist: Array | None = None
     twist_sd: Array | None = None  # (n, S) Nm
-    scale_sd: Array | None = (
-        None  # (S,) share by which each sensor's forces may be wrong alike, where one was calibrated
-    )
+    # (S,) share by which each sensor's forces may be wrong alike, where one was calibrated
+    scale_sd: Array | None = None
 
     @property
     def net(self) -> Array:
@@ -214,9 +213,8 @@ def _twist(part: Trajectory, fingers: Sequence[str]) -> tuple[Array | None, Arra
         or not np.isfinite(part.torques[:, rows]).any()
     ):
         return None, None
-    palmar = np.array(
-        [1.0 if part.hand == "right" else -1.0, 0.0, 0.0]
-    )  # of every segment: docs/conventions.md
+    # of every segment: docs/conventions.md
+    palmar = np.array([1.0 if part.hand == "right" else -1.0, 0.0, 0.0])
     normal = quat.rotate(part.q_GS[:, [SEGMENT[CHAINS[f][-1]] for f in fingers]], palmar)
     return fingertip_torques.fingertip_twist(
         part.forces[:, rows], part.torques[:, rows], part.torques_sd[:, rows], normal
@@ -246,9 +244,8 @@ def _line_between_pads(
     k = fingers.index("thumb")
     offset = pads[:, k] - np.delete(pads, k, axis=1).mean(axis=1)
     q_GW = part.q_GS[:, SEGMENT["forearm"]]
-    q_GW = np.where(
-        np.isfinite(q_GW), q_GW, part.q_GS[:, SEGMENT["hand"]]
-    )  # without a forearm sensor WCS moves with the hand
+    # without a forearm sensor WCS moves with the hand
+    q_GW = np.where(np.isfinite(q_GW), q_GW, part.q_GS[:, SEGMENT["hand"]])
     push = quat.rotate(
         quat.conjugate(q_GW), np.delete(forces, k, axis=1).sum(axis=1) - forces[:, k]
     )

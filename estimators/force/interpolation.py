@@ -36,9 +36,8 @@ def _spread(third: Array) -> float:
     size = np.abs(third[np.isfinite(third).all(axis=-1)])
     if len(size) < 8:
         return 0.05
-    quiet = np.sort(size, axis=0)[
-        : max(4, len(size) // 2)
-    ]  # the smaller half of |normal|: its largest is 0.6745 standard deviations
+    # the smaller half of |normal|: its largest is 0.6745 standard deviations
+    quiet = np.sort(size, axis=0)[: max(4, len(size) // 2)]
     return float(np.median(quiet[-1]) / 0.6745 / np.sqrt(20.0))
 
 
@@ -84,9 +83,8 @@ def _rate_walk(t: Array, y: Array, noise: float) -> Array:
     h = np.diff(t)
     bend = np.diff(np.diff(y, axis=0) / h[:, None], axis=0)
     own = noise * (1 / h[:-1] ** 2 + (1 / h[:-1] + 1 / h[1:]) ** 2 + 1 / h[1:] ** 2)
-    unseen = (
-        np.sqrt(2 / (3 * NEAR)) * own
-    )  # so much may hide in the noise: counted as if it were there
+    # so much may hide in the noise: counted as if it were there
+    unseen = np.sqrt(2 / (3 * NEAR)) * own
     seen = uniform_filter1d((bend**2).mean(axis=1) - own, min(NEAR, len(bend)), mode="nearest")
     near = np.maximum(3 * (np.maximum(seen, 0.0) + unseen) / (h[:-1] + h[1:]), CALM**2)
     return np.concatenate([near[:1], 0.5 * (near[:-1] + near[1:]), near[-1:]])
@@ -96,10 +94,8 @@ def _smooth(t: Array, y: Array, noise: float, rate_walk: Array) -> tuple[Array, 
     """Value and rate (n, 3, 2), their covariance (n, 2, 2), and that of neighbours (n - 1, 2, 2)."""
     n = len(t)
     x, foretold, gains = np.empty((n, 3, 2)), np.empty((n, 3, 2)), np.empty((n, 2, 2))
-    P, ahead = (
-        np.empty((n, 3)),
-        np.empty((n, 3)),
-    )  # of symmetric matrices: value, both, rate. numbers take half the time of matrices
+    # of symmetric matrices: value, both, rate. numbers take half the time of matrices
+    P, ahead = np.empty((n, 3)), np.empty((n, 3))
     value, rate, (p, b, r) = y[0], np.zeros(3), (noise, 0.0, 1e4)
     x[0], P[0] = np.stack([value, rate], axis=1), (p, b, r)
     for k, h, q, row in zip(range(1, n), np.diff(t).tolist(), rate_walk.tolist(), y[1:]):

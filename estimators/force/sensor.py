@@ -131,29 +131,24 @@ def solve(params: SolveParams, raw: Array, loads: Array, names: Sequence[str] = 
         _require(raw[rows], loads[rows])
     raw, loads = raw[rows], loads[rows]
     design = _design(loads)
-    answer, *_ = np.linalg.lstsq(
-        design, raw, rcond=None
-    )  # raw = loads @ C + offset: the loads are exact, the readings noisy
+    # raw = loads @ C + offset: the loads are exact, the readings noisy
+    answer, *_ = np.linalg.lstsq(design, raw, rcond=None)
     matrix, offset = np.asarray(np.linalg.pinv(answer[:m].T)), np.asarray(answer[m])
     free = len(raw) - m - 1
     missed = raw - design @ answer
     left_over = matrix @ (missed.T @ missed / free) @ matrix.T  # (m, m) of one reading, as a load
-    unknown = (
-        np.asarray(np.linalg.inv(design.T @ design)) * free / (free - 2)
-    )  # Student's: the noise is known from so few alone
-    matrix_sd = np.sqrt(
-        np.outer(np.diag(left_over), np.diag(matrix.T @ unknown[:m, :m] @ matrix))
-    )  # dM = -M dC' M
+    # Student's: the noise is known from so few alone
+    unknown = np.asarray(np.linalg.inv(design.T @ design)) * free / (free - 2)
+    # dM = -M dC' M
+    matrix_sd = np.sqrt(np.outer(np.diag(left_over), np.diag(matrix.T @ unknown[:m, :m] @ matrix)))
     offset_sd = np.sqrt(unknown[m, m] * (missed**2).sum(axis=0) / free)
     left = np.asarray(np.sqrt(np.diag(left_over)))
     missed_share = _scale_sd(loads, left, unknown[:m, :m])
-    each = missed_share / np.sqrt(
-        3.0
-    )  # of the matrix's nine entries, alike: the force's own direction takes one of each row
+    # of the matrix's nine entries, alike: the force's own direction takes one of each row
+    each = missed_share / np.sqrt(3.0)
     scale = float(np.hypot(each, params.load_error))
-    turn = float(
-        np.hypot(_turn_by_bias(loads, params.level * np.pi / 180), each / np.sqrt(2.0))
-    )  # the halves that turn
+    # the halves that turn
+    turn = float(np.hypot(_turn_by_bias(loads, params.level * np.pi / 180), each / np.sqrt(2.0)))
     if (whole := float(np.hypot(missed_share, params.load_error))) > params.worst:
         raise InputError("force.readings_do_not_follow_loads", whole=100 * whole)
     one_sided = tuple(AXES[a] for a in range(m) if min(loads[:, a].max(), -loads[:, a].min()) <= 0)
@@ -279,9 +274,8 @@ def _outlying_rows(chance: float, raw: Array, loads: Array) -> NDArray[np.int_]:
     falls = squares / np.maximum(1 - (q**2).sum(axis=1), 1e-9)[:, None]
     rest = np.maximum(squares.sum(axis=0) - falls, 1e-12 * squares.sum(axis=0))
     each = stats.f.logsf(falls / rest * (n - 1 - p), 1, n - 1 - p)
-    luck = n * stats.chi2.sf(
-        -2 * each.sum(axis=1), 2 * raw.shape[1]
-    )  # Fisher's: the channels' noise is taken to be independent
+    # Fisher's: the channels' noise is taken to be independent
+    luck = n * stats.chi2.sf(-2 * each.sum(axis=1), 2 * raw.shape[1])
     order = np.argsort(luck)
     strange = order[luck[order] < chance]
     more = stats.f.logsf(rest[strange] / rest[order[0]], n - 1 - p, n - 1 - p)

@@ -31,9 +31,9 @@ class ForceSetup:
     scale_sd: float  # share by which a force may be wrong in all samples alike
     channels: tuple[Channel, ...] = ()  # none: the readings are forces already
     calibration: ForceCalibration | None = None  # of these channels
-    turn_sd: float | None = (
-        None  # rad about each axis, of the forces against the fingertip's inertial sensor, in whose axes they are; None: as the mountings say
-    )
+    # rad about each axis, of the forces against the fingertip's inertial sensor, in whose axes they
+    # are; None: as the mountings say
+    turn_sd: float | None = None
 
     @property
     def axes(self) -> int:

@@ -214,9 +214,8 @@ def _measurements(
                     np.eye(3) * (0.5 * params.together_rate * DEG) ** 2 * samples,
                 )
             )
-    used = [
-        (missed, np.hstack([H, np.zeros_like(H)]), R) for missed, H, R in used
-    ]  # the cuff turns what the force sensor reads alone
+    # the cuff turns what the force sensor reads alone
+    used = [(missed, np.hstack([H, np.zeros_like(H)]), R) for missed, H, R in used]
     if len(own) and np.isfinite(force).all():
         up = acc[own].mean(axis=0)
         across = _horizontal_axes(up)

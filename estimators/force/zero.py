@@ -174,9 +174,8 @@ def _estimate_walk(t: Array, y: Array, free: Bools, noise: float, likely: float)
     The likelihood of each stretch is that of a Kalman filter's innovations, one filter for each walk of a grid; `likely` where there is none.
     """
     walks = likely * WALKS
-    chances = (
-        -0.5 * (np.log(WALKS) / FACTOR + FACTOR) ** 2
-    )  # its mean square is that of what is likely
+    # its mean square is that of what is likely
+    chances = -0.5 * (np.log(WALKS) / FACTOR + FACTOR) ** 2
     for first, stop in find_runs(free):
         chances += _log_likelihood(
             *_means(t[first:stop], y[first:stop]), max(noise, 1e-3 * likely) ** 2, walks**2

@@ -30,19 +30,17 @@ from handscope.estimators.numerics.typing import Array
 
 MOST = 1e-3  # of a clock; larger ones are no clocks of one kind
 SHORTEST, WINDOWS = 2.0, 24  # s of a window, how many at most
-LEAST, MANY = (
-    6,
-    10,
-)  # windows that tell something: for a line with a standard deviation, and for one without its outliers
+# windows that tell something: for a line with a standard deviation, and for one without its
+# outliers
+LEAST, MANY = 6, 10
 FITTING = 0.6  # correlation of a window that tells something
 MOVING = 0.05  # variance of a window against the mean of all
 STEP = 0.02  # s of the search within a window
 PART, TRIED = 120.0, 3  # s of a stretch, how many are tried where the whole fits nowhere
 CHANCE = 1e-3  # how often no drift is taken for one
 MATTERS = 1e-3  # s over what both show: the tenth of a sample
-BIWEIGHT = (
-    4.685  # standard deviations; 95 % as efficient as least squares where there are no outliers
-)
+# standard deviations; 95 % as efficient as least squares where there are no outliers
+BIWEIGHT = 4.685
 
 
 def synchronised_clocks(a: Signal, b: Signal, longest: float = np.inf) -> Lag:
@@ -117,9 +115,8 @@ def _track_windows(
         if around is None
         else np.searchsorted(ends[:-1], around)
     )
-    reach = (
-        MOST * 0.5 * lag.overlap
-    )  # the lag of the whole is that of the middle of the movement, about
+    # the lag of the whole is that of the middle of the movement, about
+    reach = MOST * 0.5 * lag.overlap
     found: dict[int, tuple[float, float, float]] = {}
     for order in (range(seed, len(parts)), range(seed - 1, -1, -1)):
         near, t_near = (

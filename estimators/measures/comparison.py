@@ -21,12 +21,10 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
 LIMIT = 1.96  # standard deviations: 95 % of normally distributed differences
-UNKNOWN = np.uint8(
-    Flag.MISSING | Flag.HEADING_LOST | Flag.FAULTY
-)  # what the instrument itself does not claim to know; clipping stays in
-TURNED = np.radians(
-    10.0
-)  # rad/s that a segment's rate must reach; ours: the noise of a gyroscope stays below a tenth of it
+# what the instrument itself does not claim to know; clipping stays in
+UNKNOWN = np.uint8(Flag.MISSING | Flag.HEADING_LOST | Flag.FAULTY)
+# rad/s that a segment's rate must reach; ours: the noise of a gyroscope stays below a tenth of it
+TURNED = np.radians(10.0)
 TIPS = "thumb_index_distance"
 WHOLE = "whole recording"
 

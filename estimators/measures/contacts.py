@@ -54,9 +54,8 @@ def contact_distance(
     distance = np.sqrt((offset**2).sum(axis=-1))
     sd = None
     if part.tips_sd is not None and len(part):
-        both = np.sqrt(
-            (part.tips_sd[:, numbers] ** 2).sum(axis=1).mean(axis=-1)
-        )  # of each coordinate, both fingers
+        # of each coordinate, both fingers
+        both = np.sqrt((part.tips_sd[:, numbers] ** 2).sum(axis=1).mean(axis=-1))
         sd = float(np.nanmean(both)) if np.isfinite(both).any() else None
     if np.isfinite(distance).sum() < 3:
         return ContactDistance(

@@ -23,11 +23,8 @@ from handscope.estimators.measures.plot_data import Curve, PlotData
 from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 
-STILL = (
-    1.0,
-    0.8,
-    1.2,
-)  # of the speed that counts as hardly any movement: itself, and how far the counts hang on it
+# of the speed that counts as hardly any movement: itself, and how far the counts hang on it
+STILL = 1.0, 0.8, 1.2
 
 
 @dataclass(frozen=True)

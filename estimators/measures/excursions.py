@@ -51,9 +51,8 @@ def find_excursions(t: Array, away: Array) -> list[Span]:
     share = (away - bottom) / (top - bottom)
     sides = (share > HIGH).astype(int) - (share < LOW)
     beyond = np.flatnonzero(sides)
-    runs = np.split(
-        beyond, np.flatnonzero(np.diff(sides[beyond])) + 1
-    )  # stays on one side, samples between the thresholds left out
+    # stays on one side, samples between the thresholds left out
+    runs = np.split(beyond, np.flatnonzero(np.diff(sides[beyond])) + 1)
     rests = [(float(t[r[0]]), float(t[r[-1]])) for r in runs if sides[r[0]] < 0]
     return [
         _excursion_span(rests, float(t[r[0]]), float(t[r[-1]]), (float(t[0]), float(t[-1])))
@@ -71,9 +70,8 @@ def _excursion_span(rests: list[Span], start: float, stop: float, ends: Span) ->
 def _distance_from_start(part: Trajectory) -> Array:
     """Distance (n,) from the posture at the beginning, each angle as a share of its own range; without a unit, NaN where nothing moves."""
     up = quat.rotate(quat.conjugate(part.q_GS[:, SEGMENT["hand"]]), UP)
-    columns = np.column_stack(
-        [part.angles.reshape(len(part), -1), up]
-    )  # a component of a direction changes as its angle does
+    # a component of a direction changes as its angle does
+    columns = np.column_stack([part.angles.reshape(len(part), -1), up])
     columns = columns[:, np.isfinite(columns).mean(axis=0) > KNOWN]
     if not columns.size:
         return np.full(len(part), np.nan)

@@ -25,17 +25,16 @@ class Figure:
     value: float
     unit: str  # rad, m, s, Hz, 1, ...
     source: str  # definition: a paper, or ours
-    sd: float | None = (
-        None  # of the value's error: instrument and calibration, and sampling where it sums up repetitions; None: not known
-    )
+    # of the value's error: instrument and calibration, and sampling where it sums up repetitions;
+    # None: not known
+    sd: float | None = None
     grade: Grade = "good"
     reason: str = ""
     part: str = ""  # finger, joint or pair of fingers that it is about, "" = the whole task
     what: str = ""  # key of its words: flexion_max, tapping_rate, ...
     meaning: str = ""  # the definition in one sentence
-    category: str = (
-        ""  # what the scheme that `source` names calls such a value: "good"; "" without a scheme
-    )
+    # what the scheme that `source` names calls such a value: "good"; "" without a scheme
+    category: str = ""
     detail: bool = False  # one of many that a page leaves to its tables
 
 

@@ -43,9 +43,8 @@ EVERY = 0.2  # s between two instants that are looked at: movements are slower
 PIECE = 512  # of them at a time
 # joints from the wrist to the tip of each finger (5, 4)
 _CHAINS = np.column_stack([np.full(len(FINGERS), JOINT["wrist"]), CHAIN_JOINTS])
-_FIRST = np.isin(
-    PARENTS, (SEGMENT["forearm"], SEGMENT["hand"])
-)  # joints with skin on both sides, as in sensor_to_segment.py
+# joints with skin on both sides, as in sensor_to_segment.py
+_FIRST = np.isin(PARENTS, (SEGMENT["forearm"], SEGMENT["hand"]))
 
 
 def deviations(moved: Trajectory, calibration: Calibration) -> tuple[Array, Array]:

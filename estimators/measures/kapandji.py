@@ -45,10 +45,8 @@ from handscope.estimators.numerics.typing import Array
 TITLE = phrase("measure_title.kapandji")
 KAPANDJI = "Kapandji 1986 (Ann Chir Main 5:67)"
 PLACES = 10
-CREASE = (
-    0.012,
-    0.010,
-)  # m, skin below the MCP joint's centre; distal palmar crease nearer to the wrist than that: ours
+# m, skin below the MCP joint's centre; distal palmar crease nearer to the wrist than that: ours
+CREASE = 0.012, 0.010
 ESTIMATED = phrase("measure.estimated_from_distances")
 CRAWLING = phrase("measure.thumb_crawls")
 KINDS = kinds(

@@ -31,9 +31,8 @@ TITLE = phrase("measure_title.lift")
 KORTIER = phrase("figure_source.thesis_6")
 PHASES = phrase("figure_source.grasp_phases")
 WORK = join((KORTIER, phrase("figure_source.power")))
-HEIGHT_ERROR = (
-    5e-4  # m/s^2: of an acceleration error of 5 mm/s^2 that changes within the grasp a tenth; ours
-)
+# m/s^2: of an acceleration error of 5 mm/s^2 that changes within the grasp a tenth; ours
+HEIGHT_ERROR = 5e-4
 WEIGHS = 2.0  # standard deviations above nothing that are asked of a mass: what is held off the table has one
 QUIET = 1e-3  # N: less than any sensor's noise, so that what is left over tells it
 NONE = phrase("lift.no_force")
@@ -228,13 +227,11 @@ def estimate_mass(params: Params, h: GraspPhase, used: Bools) -> MassEstimate:
     net, s, up = h.net[used], h.lifting[used], h.up[used]
     unknown = np.full(int(used.sum()), QUIET)
     fit = identification.fit_least_squares(net, s[..., None], unknown)
-    of_axes = (
-        (h.common_sd[used] ** 2).mean(axis=0).sum(axis=0)
-    )  # N^2: inclination, zero and scale are the same in all samples
+    # N^2: inclination, zero and scale are the same in all samples
+    of_axes = (h.common_sd[used] ** 2).mean(axis=0).sum(axis=0)
     across = net - (net * up).sum(axis=1, keepdims=True) * up
-    unexplained = max(
-        0.0, float((across.mean(axis=0) ** 2).sum() - of_axes[:2].sum())
-    )  # N^2: it may be missing along, too
+    # N^2: it may be missing along, too
+    unexplained = max(0.0, float((across.mean(axis=0) ** 2).sum() - of_axes[:2].sum()))
     along = (s * up).sum(axis=1)
     since = (h.t[used] - h.t[used].mean()) / np.ptp(h.t[used])
     both, growing = (
@@ -320,9 +317,8 @@ def _values(one: LiftedObject) -> dict[str, tuple[float, float]]:
     h, off = one.held, one.off
     sd = np.sqrt((h.common_sd[off] ** 2).mean(axis=0))  # (S, 3)
     grip, load, t = float(h.grip[off].mean()), float(h.load[off].mean()), h.t
-    unobserved = grasp_phases.unobserved_share(
-        h, off
-    )  # of the push, and perhaps of the load: one side of the grip lacks it
+    # of the push, and perhaps of the load: one side of the grip lacks it
+    unobserved = grasp_phases.unobserved_share(h, off)
     grip_sd = float(np.hypot(0.5 * np.sqrt((sd**2).sum() / 3), 0.5 * unobserved * grip))
     load_sd = float(np.hypot(np.sqrt((sd[:, 2] ** 2).sum()), unobserved * load))
     first, last = t[off][0], t[off][-1]

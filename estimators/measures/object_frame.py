@@ -30,9 +30,8 @@ def lifted_mass(trajectory: Trajectory, geometry: HandGeometry) -> RunningEstima
     )
     if h is None or not len(moving):
         return None
-    up = (
-        h.t[-1] > trajectory.t[-1] - params.shortest and h.height[-1] > params.lifted
-    )  # neither let go nor back on the table
+    # neither let go nor back on the table
+    up = h.t[-1] > trajectory.t[-1] - params.shortest and h.height[-1] > params.lifted
     last = np.inf if up else h.t[moving[-1]] - params.margin
     used = (
         (h.t >= h.t[moving[0]] + params.margin)

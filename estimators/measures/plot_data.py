@@ -25,9 +25,8 @@ class PlotData:
     """Curves, and marks at places of them."""
 
     curves: tuple[Curve, ...] = ()
-    marks: Mapping[str, Array] = field(
-        default_factory=dict
-    )  # s of the recording by the key of their words: closing, freeze, ...
+    # s of the recording by the key of their words: closing, freeze, ...
+    marks: Mapping[str, Array] = field(default_factory=dict)
 
 
 NOTHING = PlotData()

@@ -194,9 +194,8 @@ def measure(
         lambda t, speed, smallest: _as_stretch(of_speed(params, t, speed, None, smallest)),
         declared_height(asked.details),
     )
-    return Reach(
-        tuple(reaches), 0.01, sd, turned, *graded, signal.t, signal.values, where
-    )  # 1 %: a gyroscope's scale
+    # 1 %: a gyroscope's scale
+    return Reach(tuple(reaches), 0.01, sd, turned, *graded, signal.t, signal.values, where)
 
 
 def _as_stretch(reach: SingleReach | None) -> reach_place.Found | None:
@@ -281,9 +280,8 @@ def figures(r: Reach) -> list[Figure]:
         sd = None if scatter is None and not own else float(np.hypot(scatter or 0.0, own or 0.0))
         made.append(kind.of(mean, sd, *graded))
     of_place = reach_place.figures(r.where)
-    return (
-        [*made, *of_place] if r.where is None else [made[0], *of_place, *made[1:]]
-    )  # metres first, where there are any
+    # metres first, where there are any
+    return [*made, *of_place] if r.where is None else [made[0], *of_place, *made[1:]]
 
 
 def shown(r: Reach) -> PlotData:

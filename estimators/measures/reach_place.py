@@ -108,9 +108,8 @@ class ReachPlaces:
     """What the places of a task tell."""
 
     ways: tuple[ReachPlace, ...]
-    whole: Mapping[
-        str, tuple[float, float | None]
-    ]  # farthest, volume, signal with the instrument's standard deviation
+    # farthest, volume, signal with the instrument's standard deviation
+    whole: Mapping[str, tuple[float, float | None]]
     grade: Grade
     reason: str
     t: Array  # (n,) s
@@ -119,9 +118,8 @@ class ReachPlaces:
     height: str = ""  # of the trunk's sensor, with which the trunk's displacement was reckoned
 
 
-Found = tuple[
-    float, float, Mapping[str, float]
-]  # s, s, and time, path, peak_speed, sparc, ldlj, of a speed
+# s, s, and time, path, peak_speed, sparc, ldlj, of a speed
+Found = tuple[float, float, Mapping[str, float]]
 OfSpeed = Callable[[Array, Array, float], Found | None]
 
 

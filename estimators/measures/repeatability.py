@@ -20,9 +20,8 @@ from handscope.estimators.hand.anatomy import DOF_NAMES, JOINTS
 from handscope.estimators.numerics.typing import Array
 
 CONFIDENCE = 0.95
-MDC = 1.96 * np.sqrt(
-    2.0
-)  # of a difference of two measurements that is beyond 95 % of what chance gives
+# of a difference of two measurements that is beyond 95 % of what chance gives
+MDC = 1.96 * np.sqrt(2.0)
 SETTLING = 1.0  # s at each end of a hold that is left out: the hand still moves there; ours
 
 
@@ -114,9 +113,8 @@ def reliability(values: Array) -> Reliability:
     if n < 1 or k < 2:
         raise InputError("measure.too_few_sessions")
     grand, row, column = complete.mean(), complete.mean(axis=1), complete.mean(axis=0)
-    within = ((complete - row[:, None]) ** 2).sum() / (
-        n * (k - 1)
-    )  # = EMS + (JMS - EMS) / n: variance of the sessions and of the rest
+    # = EMS + (JMS - EMS) / n: variance of the sessions and of the rest
+    within = ((complete - row[:, None]) ** 2).sum() / (n * (k - 1))
     nothing = Interval(np.nan, np.nan, np.nan)
     if n < 2:
         sem = _sem(within, k - 1)

@@ -47,9 +47,8 @@ def resample_even(t: Array, values: Array, max_gap: float = 0.1, lowpass: float 
     t, values = check_signal(t, values)
     used = np.isfinite(values)
     at, found = t[used], values[used]
-    period = max(
-        float(np.median(np.diff(at))), (at[-1] - at[0]) / (8 * len(at))
-    )  # samples in bursts are no reason for a huge grid
+    # samples in bursts are no reason for a huge grid
+    period = max(float(np.median(np.diff(at))), (at[-1] - at[0]) / (8 * len(at)))
     grid = at[0] + period * np.arange(round((at[-1] - at[0]) / period) + 1)
     level = np.interp(grid, at, found)
     gap = np.flatnonzero(np.diff(at) > max(max_gap, 1.5 * period))

@@ -19,9 +19,8 @@ from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 
 NOISE = 0.1  # N
-USUAL = np.array(
-    [1e3, 50.0, 10.0]
-)  # sizes of stiffness N/m, force at no distance N, and damping N s/m
+# sizes of stiffness N/m, force at no distance N, and damping N s/m
+USUAL = np.array([1e3, 50.0, 10.0])
 
 
 def identify_spring(

@@ -85,9 +85,8 @@ class SqueezeGrasp:
     conditions: Conditions | None
     reason: str
     running: RunningEstimate | None = None  # the stiffness as it stood after each sample
-    unobserved: float = (
-        0.0  # share of the push that is left along it: a finger that is not measured may take it
-    )
+    # share of the push that is left along it: a finger that is not measured may take it
+    unobserved: float = 0.0
     bent: float = 0.0  # share by which the stiffness changes over the range of the distance
     answer: Response | None = None  # of the closing, m/N, where the force changes
 
@@ -181,9 +180,8 @@ def _measure_grasp(params: Params, h: GraspPhase) -> SqueezeGrasp | None:
     half = 0.5 * float(np.median(np.diff(t[top]))) if len(top) > 1 else 1.0
     observed = (t >= t[top[0]] - half) & (t <= t[top[-1]] + half)  # where the force changes
     bends = stiffness_change(t[observed], x[observed], p[observed])
-    answer = frequency_response.estimate_response(
-        t[observed], x[observed], -p[observed]
-    )  # the push moves the pads towards each other
+    # the push moves the pads towards each other
+    answer = frequency_response.estimate_response(t[observed], x[observed], -p[observed])
     fit, conditions, reasons = identify_spring(
         params, h, inside, answer, t[observed], x[observed], p[observed]
     )
@@ -240,17 +238,14 @@ def figures(r: Squeeze) -> list[Figure]:
     )
     spread = float(tops.std(ddof=1)) if len(tops) > 1 else 0.0
     root = np.sqrt(len(tops))
-    unread = any(
-        (one.held.flags & UNREAD).any() for one in r.grasps
-    )  # the tops of the force are not known
+    # the tops of the force are not known
+    unread = any((one.held.flags & UNREAD).any() for one in r.grasps)
     if unread:
         tops, spread = np.full(len(tops), np.nan), np.nan
     if unread or _returns_energy(r):
         works = np.full(len(tops), np.nan)
-    gain, lacking = (
-        r.params.gain_sd,
-        max(one.unobserved for one in r.grasps) / 2,
-    )  # of the push, where one side lacks what is untold
+    # of the push, where one side lacks what is untold
+    gain, lacking = r.params.gain_sd, max(one.unobserved for one in r.grasps) / 2
     answers = [one.conditions for one in r.grasps if one.conditions]
     made = [
         KINDS["squeeze_count"].of(float(len(tops)), 0.0, *graded),

@@ -137,9 +137,8 @@ def interpolate(signal: Signal, at: Array) -> Array:
     cubic = np.zeros((len(x), v.shape[1]))
     for j in range(4):
         others = [m for m in range(4) if m != j]
-        weight = np.prod(
-            [(x - nodes[:, m]) / (nodes[:, j] - nodes[:, m]) for m in others], axis=0
-        )  # Lagrange
+        # Lagrange
+        weight = np.prod([(x - nodes[:, m]) / (nodes[:, j] - nodes[:, m]) for m in others], axis=0)
         cubic += weight[:, None] * v[around[smooth, j]]
     linear[smooth] = np.where(
         np.isfinite(cubic) & np.isfinite(linear[smooth]), cubic, linear[smooth]
@@ -253,9 +252,8 @@ def _smooth(signal: Signal, sd: float) -> Signal:
 
 def _refine(a: Signal, b: Signal, lag: float, step: float) -> Lag:
     """The lag within a grid step either way at which B, interpolated, fits A's samples best, and the correlation of the samples there."""
-    moving = (
-        variance(a.values) > 1e-4 * variance(a.values).max()
-    )  # the others tell nothing and cost as much
+    # the others tell nothing and cost as much
+    moving = variance(a.values) > 1e-4 * variance(a.values).max()
     soft_a, soft_b = smooth_both(Signal(a.t, a.values[:, moving]), Signal(b.t, b.values[:, moving]))
     thin = max(1, round(rate_of(a) * step))
     at, x = soft_a.t[::thin], soft_a.values[::thin]

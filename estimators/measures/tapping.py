@@ -49,11 +49,8 @@ DISTANCES = size_kinds(PREFIX, TAPS, "m", phrase("cycle_opening.thumb_index_dist
 ANGLES = size_kinds(ANGLE, TAPS, "rad", phrase("cycle_opening.thumb_index_turn"))
 STOPS = stop_kinds(PREFIX, phrase("cycle_angle.thumb_index"))
 KINDS = kinds(*TIMES.values(), *DISTANCES.values(), *ANGLES.values(), *STOPS.values())
-STILL = (
-    1.0,
-    0.8,
-    1.2,
-)  # of the speed that counts as hardly any movement: itself, and how far the counts hang on it
+# of the speed that counts as hardly any movement: itself, and how far the counts hang on it
+STILL = 1.0, 0.8, 1.2
 LONGEST, WIDEST = 0.4, 2 * np.pi  # m and rad that no hand opens by
 NOT_MEASURED, NO_TAP = phrase("measure.thumb_or_index_not_measured"), phrase("measure.no_tap")
 
@@ -88,9 +85,8 @@ class Tapping:
     params: Params = field(default_factory=Params)
     taps: Cycles | None = None  # of the distance
     turns: Cycles | None = None  # of the angle, where one is known
-    stops: tuple[
-        Stops, ...
-    ] = ()  # at STILL times the threshold speed; none where no angle is known
+    # at STILL times the threshold speed; none where no angle is known
+    stops: tuple[Stops, ...] = ()
     distance_sd: float | None = None  # m, of the error at one instant
     angle_sd: float | None = None  # rad
 
@@ -199,9 +195,8 @@ def of_rates(
     params = params or Params()
     opening = opening_of_rates(params, t, thumb, index)
     cycles.require_fast(params, opening.t, opening.values)
-    return _measure_signal(
-        replace(params, lowpass=0.0), opening.t, opening.gapped, "rad", sd
-    )  # the rates were filtered
+    # the rates were filtered
+    return _measure_signal(replace(params, lowpass=0.0), opening.t, opening.gapped, "rad", sd)
 
 
 def opening_of_rates(params: Params, t: Array, thumb: Array, index: Array) -> Even:

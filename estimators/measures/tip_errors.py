@@ -45,10 +45,8 @@ def tip_errors(a: Array, b: Array) -> list[TipError]:
         difference = difference[np.isfinite(difference).all(axis=1)]
         if len(difference) >= 2:
             error = np.linalg.norm(difference, axis=1)  # (30)
-            rmse, parts = (
-                float(np.sqrt((error**2).mean())),
-                np.sqrt((difference**2).mean(axis=0)),
-            )  # (31)
+            # (31)
+            rmse, parts = float(np.sqrt((error**2).mean())), np.sqrt((difference**2).mean(axis=0))
             found.append(
                 TipError(
                     finger,

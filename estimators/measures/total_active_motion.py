@@ -42,9 +42,8 @@ ASSH = phrase("figure_source.assh")
 EATONHAND = phrase("figure_source.eatonhand")
 STRICKLAND = phrase("figure_source.strickland")
 BURN = phrase("figure_source.burn")
-NORM = {"thumb": 140 * DEG} | dict.fromkeys(
-    FINGERS[1:], 260 * DEG
-)  # thumb: the top of eatonhand's degrees
+# thumb: the top of eatonhand's degrees
+NORM = {"thumb": 140 * DEG} | dict.fromkeys(FINGERS[1:], 260 * DEG)
 TAM_JOINTS = {f: tuple(j for j in FINGER_JOINTS[f] if j != "thumb_cmc") for f in FINGERS}
 GRADINGS: Mapping[str, str] = {  # scheme and who says so
     "assh": ASSH,

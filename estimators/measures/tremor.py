@@ -29,9 +29,8 @@ from handscope.estimators.numerics.typing import Array
 TITLE = phrase("measure_title.tremor")
 DEG = np.pi / 180
 WELCH = phrase("figure_source.welch")
-PARTS = {"hand": "hand"} | {
-    f: CHAINS[f][-1] for f in FINGERS
-}  # and the segment whose turning is meant
+# and the segment whose turning is meant
+PARTS = {"hand": "hand"} | {f: CHAINS[f][-1] for f in FINGERS}
 NO_PEAK = phrase("measure.no_peak")
 KINDS = kinds(
     Kind(

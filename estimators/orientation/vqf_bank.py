@@ -136,9 +136,8 @@ class FilterBank:
     params: FusionParams
     period: float  # s
     caches: tuple[FilterCache, ...]
-    since: tuple[
-        tuple[Array, Array], ...
-    ] = ()  # rates and specific forces (sensors, n, 3) of the newest blocks
+    # rates and specific forces (sensors, n, 3) of the newest blocks
+    since: tuple[tuple[Array, Array], ...] = ()
     count: int = 0
     standing: list[list[VQF]] = field(default_factory=list, repr=False, compare=False)
 

@@ -366,9 +366,8 @@ def _heading_update(params: HandFilterParams, state: State) -> State:
     """The horizontal field points to where it pointed in the pose."""
     assert state.q_GH is not None and state.mag is not None and state.north is not None
     x, y, _ = quat.rotate(state.q_GH, state.mag)
-    off = (np.arctan2(x, y) - state.north + np.pi) % (
-        2 * np.pi
-    ) - np.pi  # turned clockwise, seen from above
+    # turned clockwise, seen from above
+    off = (np.arctan2(x, y) - state.north + np.pi) % (2 * np.pi) - np.pi
     H = np.zeros((1, 15))
     H[0, 8] = 1.0
     return _correct(

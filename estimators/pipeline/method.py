@@ -26,9 +26,8 @@ class Capabilities:
     batch_only: bool = False  # it solves whole recordings and does not step through blocks
     gives_covariance: bool = False  # angles and tips come with standard deviations
     notices_mounting_changes: bool = False  # it finds sensors that turn on their segments
-    uses_contacts: bool = (
-        False  # contacts of fingertips that are held for calibration tell it something
-    )
+    # contacts of fingertips that are held for calibration tell it something
+    uses_contacts: bool = False
 
 
 WORDS: Mapping[str, str] = {  # of each capability, for lists of methods

@@ -59,12 +59,10 @@ class Processed:
     calibrations: tuple[Calibration, ...]
     warnings: tuple[str, ...]
     findings: tuple[Finding, ...] = ()  # faults of sensors; their segments are flagged
-    method_messages: tuple[
-        str, ...
-    ] = ()  # of the warnings those of the method or of calibrating, in their order
-    suspicions: tuple[
-        Suspicion, ...
-    ] = ()  # of the method, and of the checks (check.py) where they ran; among findings
+    # of the warnings those of the method or of calibrating, in their order
+    method_messages: tuple[str, ...] = ()
+    # of the method, and of the checks (check.py) where they ran; among findings
+    suspicions: tuple[Suspicion, ...] = ()
     untested: Untested = NOTHING_UNTESTED  # what the checks, where they ran, could not have found
 
 

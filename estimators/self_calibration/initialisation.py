@@ -69,9 +69,8 @@ def fit_joint(
 ) -> tuple[float, float, Array, Array]:
     """Residual (sum of squares), the turn of j about the vertical, and the arms in the frames of i and j with which both see the same movement of their joint."""
     (A_i, f_i), (A_j, f_j) = (_acceleration_by_arm(readings, q_GS[:, s], s) for s in (i, j))
-    M_i, M_j = (
-        np.concatenate([A, f[..., None]], axis=2) for A, f in ((A_i, f_i), (A_j, f_j))
-    )  # (n-2, 3, 4): by the arm, and without it
+    # (n-2, 3, 4): by the arm, and without it
+    M_i, M_j = (np.concatenate([A, f[..., None]], axis=2) for A, f in ((A_i, f_i), (A_j, f_j)))
     own = [np.einsum("tia,tib->ab", M, M) for M in (M_i, M_j)]
     turns = (
         np.diag([0.0, 0, 1]),

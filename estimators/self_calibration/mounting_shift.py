@@ -90,9 +90,8 @@ def _solve_from_scratch(whole: Problem, read: Readings, first: int, stop: int) -
     guess = self_calibration_initialisation.initial_unknowns(
         whole.chain, Noise(), own, whole.flexing
     )
-    part = build_problem(
-        whole.chain, Noise(), own, guess.q_GS[0], "left", {}
-    )  # what depends on hand and mounting is known already
+    # what depends on hand and mounting is known already
+    part = build_problem(whole.chain, Noise(), own, guess.q_GS[0], "left", {})
     return _solve_with_covariance(
         replace(part, distal=whole.distal, flexing=whole.flexing, length=whole.length),
         guess,

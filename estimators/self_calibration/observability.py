@@ -40,15 +40,12 @@ from handscope.estimators.self_calibration.whole_hand import normal_equations as
 from handscope.estimators.self_calibration.whole_hand import problem as whole_hand_problem
 from handscope.estimators.self_calibration.whole_hand.problem import HandPlace
 
-SPREAD = (
-    1.0,
-    99.0,
-)  # per cent of the angles between which a joint's excursion lies, as of self-calibration
+# per cent of the angles between which a joint's excursion lies, as of self-calibration
+SPREAD = 1.0, 99.0
 RIGID = 1e-3  # share of skin's movement that nobody notices
 HANDS = 6  # parameters of the skin under the hand's sensor: turn and slide
-SAFE = (
-    4 / 3
-)  # times what self-calibration asks a joint to be bent by, for tracking errs by a few degrees
+# times what self-calibration asks a joint to be bent by, for tracking errs by a few degrees
+SAFE = 4 / 3
 
 
 @dataclass(frozen=True)
@@ -85,12 +82,10 @@ class AccumulatedInformation:
 
     information: Array  # (P, P) on the parameters that are kept
     spurious_information: Array  # (P, P) of it by noise
-    squares: (
-        Array  # (2,) of what accelerations at joints (m/s^2) and hinges (deg) are off, summed up
-    )
-    redundancy: (
-        Array  # (2,) of how many numbers these are the squares, less what the unknowns took up
-    )
+    # (2,) of what accelerations at joints (m/s^2) and hinges (deg) are off, summed up
+    squares: Array
+    # (2,) of how many numbers these are the squares, less what the unknowns took up
+    redundancy: Array
     seconds: float
     turned: float  # rad, of the last sensor, all its turning added up
     hand_turned: float  # rad, of the hand's

@@ -20,16 +20,12 @@ from handscope.estimators.numerics.typing import Array, Indices
 from handscope.estimators.self_calibration.soft_tissue import tissue_response
 
 THESIS = "Kortier, thesis 4.5.1"
-LIMBS = {
-    **CHAINS,
-    "forearm": ("forearm",),
-}  # what hangs on the hand with a joint of its own, segments from there on
+# what hangs on the hand with a joint of its own, segments from there on
+LIMBS = {**CHAINS, "forearm": ("forearm",)}
 Z = np.array([0.0, 0.0, 1.0])  # of a segment: about what it flexes
 TILTING = 1e-5  # rad, between axes whose difference is a derivative
-RESTING_GYR, RESTING_ACC = (
-    0.3,
-    0.06,
-)  # deg/s, m/s^2: standard deviation over a second in which a sensor rests, 3 times an MPU-9250's
+# deg/s, m/s^2: standard deviation over a second in which a sensor rests, 3 times an MPU-9250's
+RESTING_GYR, RESTING_ACC = 0.3, 0.06
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,9 +182,8 @@ class Problem:
     noise: Noise
     dt: float  # s
     turns: Array  # (n-1, S, 3) rad, rotation vectors between samples, biases in them
-    later: (
-        Array  # (n-1, S, 3) rad/s, by how much a turn grows for each s that gyroscopes lag behind
-    )
+    # (n-1, S, 3) rad/s, by how much a turn grows for each s that gyroscopes lag behind
+    later: Array
     acc: Array  # (n, S, 3) m/s^2
     turn_sd: Array  # (n-1, S) rad
     acc_sd: Array  # (n, S) m/s^2
@@ -221,9 +216,8 @@ class Unknowns:
     scale_acc: Array  # (S, 3, 3) the same of a specific force
     axis_far: Array  # (H, 3) unit, axis of a hinge in the frame of the parent's sensor
     axis_near: Array  # (H, 3) unit, in that of the child's
-    skin_turn: (
-        Array  # (J, 3) rad/rad, how far the child's sensor turns with its joint, in its frame
-    )
+    # (J, 3) rad/rad, how far the child's sensor turns with its joint, in its frame
+    skin_turn: Array
     skin_slide: Array  # (J, 3) m/rad, how far it slides
     delay: Array  # (1,) s by which gyroscopes lag behind accelerometers
     tilt: Array  # (J, 2) rad, of the axis about which a joint that is no hinge is counted as flexed, off the nominal one: skin is pulled by that

@@ -27,13 +27,10 @@ from handscope.estimators.self_calibration.problem import (
 from handscope.estimators.self_calibration.soft_tissue import SensorDisplacement, right_jacobian
 
 SECOND_DIFFERENCE = np.array([1.0, -2.0, 1.0])
-NUMEROV = (
-    np.array([1.0, 10.0, 1.0]) / 12
-)  # p(t+T) - 2 p(t) + p(t-T) = T^2 times this mean of the accelerations, to T^6: Numerov 1924
-BEGINNING_SD, HEADING_SD = (
-    1.0,
-    1e-3,
-)  # rad: (4.16); the root's heading is free (no magnetometer) and is held at what was first believed
+# p(t+T) - 2 p(t) + p(t-T) = T^2 times this mean of the accelerations, to T^6: Numerov 1924
+NUMEROV = np.array([1.0, 10.0, 1.0]) / 12
+# rad: (4.16); the root's heading is free (no magnetometer) and is held at what was first believed
+BEGINNING_SD, HEADING_SD = 1.0, 1e-3
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,8 @@ from handscope.estimators.sensors import saturation
 
 RATE = 100.0  # Hz, of the thesis: faster samples are averaged down to about this
 DOUBTFUL = 1e3  # factor on the noise of a sample that is not one
-LONGEST_GAP = (
-    0.06  # s, of missing samples that are bridged; after a longer one a sensor's heading is another
-)
+# s, of missing samples that are bridged; after a longer one a sensor's heading is another
+LONGEST_GAP = 0.06
 MARGIN = 0.5  # s beside a stretch from which samples are taken
 LINED = 100  # samples that tell an even clock
 FAST = 0.99  # share of the power of angular rates

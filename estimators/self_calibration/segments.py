@@ -30,9 +30,8 @@ class Segments:
     """By segment name."""
 
     q_BS: Mapping[str, Array]  # (4,) straight hand
-    p_BS: Mapping[
-        str, Array
-    ]  # (3,) m from the segment's distal joint; the last phalanx: from its only one
+    # (3,) m from the segment's distal joint; the last phalanx: from its only one
+    p_BS: Mapping[str, Array]
     lengths: Mapping[str, float]  # m, of segments between two joints
     lengths_sd: Mapping[str, float]
     q_GB: Mapping[str, Array]  # (n, 4)

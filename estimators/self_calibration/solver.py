@@ -32,10 +32,8 @@ from handscope.estimators.self_calibration.residuals import Terms
 from handscope.estimators.self_calibration.uncertainty import parameter_covariance, posterior
 
 CHUNK = 512  # samples whose derivatives are in memory at once
-AROUND, CIRCLE = (
-    4,
-    1.0,
-)  # steps; half a sum of squares, far below what a standard deviation of one parameter is
+# steps; half a sum of squares, far below what a standard deviation of one parameter is
+AROUND, CIRCLE = 4, 1.0
 SMALL = 0.1  # of a standard deviation
 SLOW = 0.3  # of the gain before: what steps with one factor still gain where they lead on
 SETTLED = 100.0  # times the least gain: after less than that, a step that loses less than the least gain circles about the minimum
@@ -53,13 +51,11 @@ class Limits:
     iterations: int = 30
     least_gain: float = 0.002  # of half the sum of squares, that a step must gain to go on: then all are within a tenth of their standard deviations
     rough_gain: float = 0.5  # the same in rounds before the last
-    chord: float = (
-        0.1  # of the cost: a step that gained less is followed by one with the same factor
-    )
+    # of the cost: a step that gained less is followed by one with the same factor
+    chord: float = 0.1
     rounds: int = 4  # in which the sizes of errors are learnt and knocks are found
-    knock: float = (
-        4.0  # beyond so many standard deviations a sample counts as if its noise were larger
-    )
+    # beyond so many standard deviations a sample counts as if its noise were larger
+    knock: float = 4.0
 
 
 @dataclass(frozen=True)
@@ -72,9 +68,8 @@ class Solution:
     costs: tuple[float, ...]  # half the sum of squares at the start and after each step
     factor: Factor  # of the normal equations there
     outliers: tuple[Outlier, ...] = ()
-    spurious_information: Array = field(
-        default_factory=lambda: np.empty((0, 0))
-    )  # (P, P) information that noise makes up, covariance.apparent
+    # (P, P) information that noise makes up, covariance.apparent
+    spurious_information: Array = field(default_factory=lambda: np.empty((0, 0)))
 
 
 @dataclass(frozen=True)
@@ -83,18 +78,16 @@ class Linearised(Generic[P, X]):
 
     cost: float
     damped: Callable[[float], X]  # where a step of some damping leads; LinAlgError where nowhere
-    chord: Callable[
-        [P, X], tuple[float, X]
-    ]  # of another place: its cost, and where a step with the last factor of these leads
+    # of another place: its cost, and where a step with the last factor of these leads
+    chord: Callable[[P, X], tuple[float, X]]
 
 
 @dataclass(frozen=True)
 class ProblemOps(Generic[P, X]):
     """Operations that the descent needs of a kind of problem P and of its places X."""
 
-    update_flexion: Callable[
-        [P, X], P
-    ]  # the problem with what it believes of joints' bending as it is here
+    # the problem with what it believes of joints' bending as it is here
+    update_flexion: Callable[[P, X], P]
     cost: Callable[[P, X], float]
     linearise: Callable[[P, X], Linearised[P, X]]
 

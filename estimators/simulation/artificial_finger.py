@@ -25,11 +25,8 @@ SEGMENTS = ("hand", "index_proximal", "index_middle", "index_distal")
 HINGES = 0.030  # m apart
 DISTANCES = (0.075, 0.018, 0.019, 0.024)  # m, sensor to hinge
 HEIGHT = (0.020, 0.008, 0.008, 0.008)  # m above the line through the hinges; ours
-STOPS = {
-    "index_mcp_flexion": 75.0,
-    "index_pip_flexion": 90.0,
-    "index_dip_flexion": 70.0,
-}  # deg, where each hinge stops; ours
+# deg, where each hinge stops; ours
+STOPS = {"index_mcp_flexion": 75.0, "index_pip_flexion": 90.0, "index_dip_flexion": 70.0}
 RESTING = 2.5  # s on the table at either end
 STEP = 0.12  # s between the knots of the movement
 
@@ -104,9 +101,8 @@ def random_motion(rng: np.random.Generator, duration: float) -> Motion:
     ):
         x[:, COORDINATES[name]] = moving * reach * smooth_random_course(rng, t, slowest)
     x[:, COORDINATES["wrist_z"]] += 0.15 * moving
-    pulled = np.cumsum(
-        STEP * 2 * np.pi * (1.0 + 0.25 * smooth_random_course(rng, t, 2.0))
-    )  # the phase of pulling
+    # the phase of pulling
+    pulled = np.cumsum(STEP * 2 * np.pi * (1.0 + 0.25 * smooth_random_course(rng, t, 2.0)))
     for k, (name, stop) in enumerate(STOPS.items()):
         x[:, COORDINATES[name]] = (
             moving

@@ -46,9 +46,8 @@ class Experiment:
     name: str
     fingers: tuple[str, ...]  # whose tips are judged
     perform: Perform  # begins with the initial pose
-    contact: tuple[
-        tuple[str, str], ...
-    ] = ()  # (finger, contact point) pair of Table 7; points left, right, bottom, distal
+    # (finger, contact point) pair of Table 7; points left, right, bottom, distal
+    contact: tuple[tuple[str, str], ...] = ()
     distance: float = 0.0  # m, true distance between the contact points
 
 
@@ -238,9 +237,5 @@ KORTIER2: Mapping[str, Experiment] = {
         ),
     )
 }
-EXPERIMENTS: Mapping[str, Experiment] = {
-    **TABLE6,
-    **TABLE7,
-    **OTHERS,
-    **KORTIER2,
-}  # new ones last: a trial's random numbers go by the place
+# new ones last: a trial's random numbers go by the place
+EXPERIMENTS: Mapping[str, Experiment] = {**TABLE6, **TABLE7, **OTHERS, **KORTIER2}

@@ -129,9 +129,8 @@ def draw_sensors(
 def draw_six_axes(sensors: ForceSensors, rng: np.random.Generator) -> SixAxes:
     """Draw where each sensor is touched, and what it reads of no torque."""
     n, e = len(sensors.fingers), sensors.errors
-    touched = (
-        1e-3 * e.off_centre * rng.normal(size=(n, 3)) * np.array([0.0, 1.0, 1.0])
-    )  # x is the face's normal: conventions, segment frames
+    # x is the face's normal: conventions, segment frames
+    touched = 1e-3 * e.off_centre * rng.normal(size=(n, 3)) * np.array([0.0, 1.0, 1.0])
     return SixAxes(touched, e.torque_offset * rng.normal(size=(n, 3)))
 
 

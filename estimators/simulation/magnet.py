@@ -24,12 +24,10 @@ from handscope.estimators.simulation.sensors import LSM330DLC_HMC5983, SensorErr
 
 FINE = 16  # instants of the motion for each sample
 REST, STARTING = 1.0, 2.0  # s before a movement begins, and until its full amplitude
-NEUTRAL = quat.from_matrix(
-    np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
-)  # q_gb of somebody who sits upright and looks along y
-PLATE = np.array(
-    [[0.0, 0.0, 0.0], [0.0, -0.10, 0.0], [-0.12, 0.0, 0.0], [-0.12, -0.10, 0.0]]
-)  # m: the first at the right shoulder
+# q_gb of somebody who sits upright and looks along y
+NEUTRAL = quat.from_matrix(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]))
+# m, places of the magnetometers: the first at the right shoulder
+PLATE = np.array([[0.0, 0.0, 0.0], [0.0, -0.10, 0.0], [-0.12, 0.0, 0.0], [-0.12, -0.10, 0.0]])
 # A m^2: remanence of 1.3 T (N42) times the volume
 MOMENT = 1.3 / (4e-7 * np.pi) * np.pi * 0.007**2 * 0.002
 ROD = MOMENT * np.array([0.0, 0.0, 1.0])
@@ -325,9 +323,8 @@ def _swings(rng: np.random.Generator, n: int, slow: float, fast: float) -> Calla
 
     def swing(t: Array) -> Array:
         u = np.clip((t - REST) / STARTING, 0.0, 1.0)
-        own = STARTING * (u**6 - 3 * u**5 + 2.5 * u**4) + np.maximum(
-            t - REST - STARTING, 0.0
-        )  # its slope is a smooth step
+        # its slope is a smooth step
+        own = STARTING * (u**6 - 3 * u**5 + 2.5 * u**4) + np.maximum(t - REST - STARTING, 0.0)
         a, b = (np.sin(2 * np.pi * np.outer(own, pace[k]) + phase[k]) for k in range(2))
         return np.asarray(share * a + (1 - share) * b)
 

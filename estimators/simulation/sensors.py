@@ -135,11 +135,8 @@ LSM330DLC = "LSM330DLC data sheet; HMC5983 data sheet; Kortier thesis ch. 2"
 LSM330DLC_HMC5983 = SensorErrors(
     gyr_noise=0.03, acc_noise=220e-6, mag_noise=0.2, acc_range=8.0, mag_range=810.0
 )
-PRESET_SOURCES = {
-    "MPU-9250": MPU9250,
-    "LSM330DLC/HMC5983": LSM330DLC,
-    "ideal": "no errors",
-}  # what a preset does not name is as for the first
+# what a preset does not name is as for the first
+PRESET_SOURCES = {"MPU-9250": MPU9250, "LSM330DLC/HMC5983": LSM330DLC, "ideal": "no errors"}
 PRESETS = {"MPU-9250": SensorErrors(), "LSM330DLC/HMC5983": LSM330DLC_HMC5983, "ideal": IDEAL}
 
 
@@ -151,14 +148,12 @@ class SensorSet:
     q_BS: Array  # (sensors, 4) true sensor-to-segment rotation of the straight hand, misalignment included
     nominal: Array  # (sensors, 4) mounting as configured
     p_BS: Array  # (sensors, 3) m, lever arm from the segment's origin in its frame, of the straight hand
-    skin_turn: (
-        Array  # (sensors, 3) rad of turn on the segment per rad of flexion, in the segment's frame
-    )
+    # (sensors, 3) rad of turn on the segment per rad of flexion, in the segment's frame
+    skin_turn: Array
     skin_slide: Array  # (sensors, 3) m of slide per rad of flexion, in the segment's frame
     bias: Array  # (sensors, 9) gyroscope rad/s, accelerometer m/s^2, magnetometer T
-    matrix: (
-        Array  # (3 quantities, sensors, 3, 3) scale and cross-axis: reading = matrix @ truth + bias
-    )
+    # (3 quantities, sensors, 3, 3) scale and cross-axis: reading = matrix @ truth + bias
+    matrix: Array
     walk: Array  # (WALK_LENGTH + 1, sensors, 3) rad/s, the gyroscope bias's walk at full seconds
     errors: SensorErrors
     slips: Array | None = None  # (sensors, 3) rad, turn of the seat in the segment's frame
@@ -281,9 +276,8 @@ def _sensor_motion(sensors: SensorSet, k: Kinematics) -> _SensorMotion:
     skin = quat.exp(flexion * sensors.skin_turn)
     slipped, slip_rate = _slipped(sensors, k.t)
     q_BS = quat.multiply(skin, quat.multiply(slipped, sensors.q_BS))
-    w_GS = w + quat.rotate(
-        q_GB, rate * sensors.skin_turn + quat.rotate(skin, slip_rate)
-    )  # the turn's axis is fixed on the segment
+    # the turn's axis is fixed on the segment
+    w_GS = w + quat.rotate(q_GB, rate * sensors.skin_turn + quat.rotate(skin, slip_rate))
     return _SensorMotion(quat.conjugate(quat.multiply(q_GB, q_BS)), w_GS, k.p[:, s] + arm, a)
 
 

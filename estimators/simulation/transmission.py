@@ -47,12 +47,10 @@ class Transmission:
 WIRED = Transmission()
 QUARTZ = 20.0  # ppm, the usual tolerance of a wireless module's 32 MHz quartz: nRF52832 product specification, 2.4 GHz radio needs +-40 ppm
 OSCILLATOR = 1e4  # ppm: the MPU-9250's own oscillator is within 1 %, product specification PS-MPU-9250A-01, 3.4
-WIRELESS = Transmission(
-    lost=0.005, bursts=1.0, clock_drift=QUARTZ
-)  # a worn link that works; shares ours
-FAILING = Transmission(
-    lost=0.05, bursts=6.0, clock_drift=OSCILLATOR
-)  # a link at the end of its range; shares ours
+# a worn link that works; shares ours
+WIRELESS = Transmission(lost=0.005, bursts=1.0, clock_drift=QUARTZ)
+# a link at the end of its range; shares ours
+FAILING = Transmission(lost=0.05, bursts=6.0, clock_drift=OSCILLATOR)
 LINKS = {"wired": WIRED, "wireless": WIRELESS, "failing": FAILING}
 
 

@@ -32,16 +32,13 @@ ABOVE_WRIST, BEHIND_WRIST, ABOVE_HIPS = 0.20, 0.12, 0.40
 # rad a metre of the wrist forward: 4 cm of the breastbone in 0.28 m (Levin 2002)
 LEAN, TURN = 0.30, 0.15
 BREATH, BREATHS = 0.008, 0.25  # rad to either side, Hz
-DISC = np.array(
-    [0.0, 0.0, 1.3 / (4e-7 * np.pi) * np.pi * 0.010**2 * 0.005]
-)  # A m^2: neodymium of 1.3 T (N42), 20 mm across, 5 mm thick
+# A m^2: neodymium of 1.3 T (N42), 20 mm across, 5 mm thick
+DISC = np.array([0.0, 0.0, 1.3 / (4e-7 * np.pi) * np.pi * 0.010**2 * 0.005])
 MAGNETOMETERS = TRUNK_MAGNETOMETERS[: len(magnet.PLATE)]
-CALIBRATION_RESIDUALS = MagnetErrors(
-    hard_iron=0.2, soft_iron=0.004, turn=0.06
-)  # uT, 1, deg: residuals after calibration in an office, at most (magnetometer_ellipsoid.py)
-Q_BS = quat.from_matrix(
-    np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-)  # of the trunk's sensor and magnetometers
+# uT, 1, deg: residuals after calibration in an office, at most (magnetometer_ellipsoid.py)
+CALIBRATION_RESIDUALS = MagnetErrors(hard_iron=0.2, soft_iron=0.004, turn=0.06)
+# of the trunk's sensor and magnetometers
+Q_BS = quat.from_matrix(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
 
 
 @dataclass(frozen=True, kw_only=True)

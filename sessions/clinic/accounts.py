@@ -34,9 +34,8 @@ MOST_GUESSES = 1e10  # that a password must withstand: "very unguessable" of zxc
 LONGEST_GUESSED = 72  # characters of it that are looked at: longer ones are guessed no sooner
 log = logging.getLogger(__name__)
 _hasher = PasswordHasher()
-_working = threading.BoundedSemaphore(
-    2
-)  # hashes at once: each takes 64 MiB and a tenth of a second
+# hashes at once: each takes 64 MiB and a tenth of a second
+_working = threading.BoundedSemaphore(2)
 
 
 def local_account(db: Session) -> Account:

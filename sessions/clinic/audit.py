@@ -102,9 +102,8 @@ class Verdict:
     last: str  # hash of the last of them
     broken: str = ""  # the first that does not, and how
     back: int = 0  # the first line of an earlier time than the one before: a clock was set back, or lines are somebody's own; 0 for none
-    unguarded: tuple[
-        str, ...
-    ] = ()  # triggers that should refuse changes and are gone, off or changed
+    # triggers that should refuse changes and are gone, off or changed
+    unguarded: tuple[str, ...] = ()
 
 
 def enable(database: sessionmaker[Session], copy_to: str = "") -> None:

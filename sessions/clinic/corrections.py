@@ -20,9 +20,8 @@ if TYPE_CHECKING:
     from handscope.sessions.files.recording import LoadedRecording
 
 REDACTED = phrase("correction.reason_redacted")
-Kind = Literal[
-    "exclude", "move", "leave_out"
-]  # a whole trial; its ends; a stretch within it, such as one repetition
+# a whole trial; its ends; a stretch within it, such as one repetition
+Kind = Literal["exclude", "move", "leave_out"]
 SHORTEST = 0.5  # s that a trial must keep
 
 

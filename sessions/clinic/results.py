@@ -14,9 +14,8 @@ from handscope.sessions.clinic import corrections, self_calibrations
 from handscope.sessions.db.tables import RecordingFile, Result
 
 UNFINISHED = ("queued", "running")
-ATTEMPTS = (
-    2  # how often a computation is begun before a server that died again and again gives it up
-)
+# how often a computation is begun before a server that died again and again gives it up
+ATTEMPTS = 2
 STOPPED = phrase("result.stopped")
 ENDED = phrase("result.ended")
 

@@ -27,11 +27,9 @@ from handscope.sessions.tables_io import calibration_result
 
 NOTHING, LENGTHS, ALL = "nothing", "lengths", "lengths_and_seats"
 PARTS = (NOTHING, LENGTHS, ALL)
-USED_BY = (
-    "m1",
-    "m2",
-    "ekf",
-)  # offered methods that begin with a pose; others find everything themselves or take the nominal mounting
+# offered methods that begin with a pose; others find everything themselves or take the nominal
+# mounting
+USED_BY = "m1", "m2", "ekf"
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,8 @@ class Visit:
     """A session of the patient with what its newest finished result says of the calibration."""
 
     session: PatientSession
-    calibration: (
-        Mapping[str, Any] | None
-    )  # as app.results keeps it: source, onset, end, quality by sensor; None without a result
+    # as app.results keeps it: source, onset, end, quality by sensor; None without a result
+    calibration: Mapping[str, Any] | None
     warnings: int  # of that result
 
 

@@ -14,23 +14,19 @@ class AuditLine(Base):
 
     __tablename__ = "audit"
 
-    id: Mapped[int] = mapped_column(
-        primary_key=True, autoincrement=False
-    )  # from 1 on, without a gap
+    # from 1 on, without a gap
+    id: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
     at: Mapped[datetime]
     who: Mapped[str] = mapped_column(String(64), index=True)  # an account's name
     address: Mapped[str] = mapped_column(String(64))  # where the request came from
-    what: Mapped[str] = mapped_column(
-        String(64)
-    )  # viewed, created, changed, exported, erased, logged in, refused
+    # viewed, created, changed, exported, erased, logged in, refused
+    what: Mapped[str] = mapped_column(String(64))
     kind: Mapped[str] = mapped_column(String(32))  # patient, session, result, account, ...
     ref: Mapped[str] = mapped_column(String(64))  # its number
-    patient: Mapped[int | None] = mapped_column(
-        index=True
-    )  # whose it is: a number that no other patient gets
-    counts: Mapped[dict[str, Any]] = mapped_column(
-        default=dict
-    )  # names of fields; of an erased patient sessions, recordings, results, notes, bytes
+    # whose it is: a number that no other patient gets
+    patient: Mapped[int | None] = mapped_column(index=True)
+    # names of fields; of an erased patient sessions, recordings, results, notes, bytes
+    counts: Mapped[dict[str, Any]] = mapped_column(default=dict)
     previous: Mapped[str] = mapped_column(String(64))
     hash: Mapped[str] = mapped_column(String(64))
 
@@ -52,9 +48,8 @@ class ErasedFile(Base):
     __tablename__ = "erased_file"
 
     file: Mapped[str] = mapped_column(primary_key=True)  # relative to the data folder
-    server: Mapped[str] = mapped_column(
-        String(32), default="", server_default=""
-    )  # which of several has it in its folder (sessions/store/shared_servers.py)
+    # which of several has it in its folder (sessions/store/shared_servers.py)
+    server: Mapped[str] = mapped_column(String(32), default="", server_default="")
 
 
 class Server(Base):
@@ -75,7 +70,6 @@ class Attempt(Base):
     __tablename__ = "attempt"
 
     id: Mapped[int] = mapped_column(primary_key=True)
-    key: Mapped[str] = mapped_column(
-        String(64), index=True
-    )  # hash of the account's name or of the address
+    # hash of the account's name or of the address
+    key: Mapped[str] = mapped_column(String(64), index=True)
     at: Mapped[datetime] = mapped_column(default=now)

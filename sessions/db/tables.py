@@ -61,15 +61,13 @@ class Patient(Base):
     year_of_birth: Mapped[int | None]
     dominant_hand: Mapped[str | None] = mapped_column(String(5))
     affected_hand: Mapped[str | None] = mapped_column(String(5))
-    hand_measures: Mapped[dict[str, Any]] = mapped_column(
-        default=dict
-    )  # HandGeometry by hand: {"left": {...}, "right": {...}}
+    # HandGeometry by hand: {"left": {...}, "right": {...}}
+    hand_measures: Mapped[dict[str, Any]] = mapped_column(default=dict)
     trunk_height: Mapped[float | None]  # m, of the trunk's sensor above the axis of the hips
     archived: Mapped[bool] = mapped_column(default=False)
     created: Mapped[datetime] = mapped_column(default=now)
-    version: Mapped[int] = mapped_column(
-        default=1
-    )  # counts changes: two editors at once are noticed
+    # counts changes: two editors at once are noticed
+    version: Mapped[int] = mapped_column(default=1)
 
     ward: Mapped[Ward] = relationship()
     emergency_accesses: Mapped[list["EmergencyAccess"]] = relationship(
@@ -126,13 +124,11 @@ class PatientSession(Base):
         ForeignKey("patient.id", ondelete="CASCADE"), index=True
     )
     hand: Mapped[str] = mapped_column(String(5))
-    state: Mapped[str] = mapped_column(
-        String(16), default="open", index=True
-    )  # open (being recorded), recorded, processed, failed
+    # open (being recorded), recorded, processed, failed
+    state: Mapped[str] = mapped_column(String(16), default="open", index=True)
     started: Mapped[datetime] = mapped_column(default=now)
-    recorded_as: Mapped[
-        datetime | None
-    ]  # what the clock said, where it was wrong and `started` was corrected
+    # what the clock said, where it was wrong and `started` was corrected
+    recorded_as: Mapped[datetime | None]
     date_reason: Mapped[str] = mapped_column(default="", server_default="")  # of that correction
     finished: Mapped[datetime | None]
     examiner: Mapped[str] = mapped_column(default="")
@@ -140,22 +136,19 @@ class PatientSession(Base):
     conclusion: Mapped[str] = mapped_column(default="", server_default="")  # the therapist's
     pain_rest: Mapped[int | None]  # numerical rating scale, 0 to 10; None: not asked
     pain_movement: Mapped[int | None]
-    geometry: Mapped[dict[str, Any]] = mapped_column(
-        default=dict
-    )  # hand measures of this session, as HandGeometry
+    # hand measures of this session, as HandGeometry
+    geometry: Mapped[dict[str, Any]] = mapped_column(default=dict)
     continues_id: Mapped[int | None] = mapped_column(
         ForeignKey("session.id", ondelete="SET NULL"), index=True
     )  # of the other hand, measured just before in the same visit
     trunk_height: Mapped[float | None]  # m, the patient's when the session began
-    plan: Mapped[dict[str, Any]] = mapped_column(
-        TextsWithCodes, default=dict, server_default="{}"
-    )  # name, version and title of the assessment plan that it had; empty: none
-    trunk_corrected: Mapped[
-        float | None
-    ]  # m, told afterwards: counts in place of what the recording tells (sessions/clinic/trunk_height.py)
-    version: Mapped[int] = mapped_column(
-        default=1, server_default="1"
-    )  # counts what people changed (sessions/store/visit_facts.py), nothing else
+    # name, version and title of the assessment plan that it had; empty: none
+    plan: Mapped[dict[str, Any]] = mapped_column(TextsWithCodes, default=dict, server_default="{}")
+    # m, told afterwards: counts in place of what the recording tells
+    # (sessions/clinic/trunk_height.py)
+    trunk_corrected: Mapped[float | None]
+    # counts what people changed (sessions/store/visit_facts.py), nothing else
+    version: Mapped[int] = mapped_column(default=1, server_default="1")
 
     patient: Mapped[Patient] = relationship(back_populates="sessions")
     recordings: Mapped[list["RecordingFile"]] = relationship(
@@ -180,12 +173,10 @@ class RecordingFile(Base):
     sha256: Mapped[str | None] = mapped_column(String(64))  # None while it is being written
     bytes: Mapped[int] = mapped_column(default=0)
     added: Mapped[datetime] = mapped_column(default=now)
-    server: Mapped[str] = mapped_column(
-        String(32), default="", server_default=""
-    )  # which of several records it, and has it until it lies in the object storage
-    summary: Mapped[dict[str, Any]] = mapped_column(
-        default=dict
-    )  # duration, streams, losses, warnings: for lists without opening the file
+    # which of several records it, and has it until it lies in the object storage
+    server: Mapped[str] = mapped_column(String(32), default="", server_default="")
+    # duration, streams, losses, warnings: for lists without opening the file
+    summary: Mapped[dict[str, Any]] = mapped_column(default=dict)
 
     session: Mapped[PatientSession] = relationship(back_populates="recordings")
     corrections: Mapped[list["Correction"]] = relationship(
@@ -230,18 +221,15 @@ class SelfCalibration(Base):
         ForeignKey("recording.id", ondelete="CASCADE"), index=True
     )
     hand: Mapped[str] = mapped_column(String(5))
-    glove: Mapped[str] = mapped_column(
-        String(200), default=""
-    )  # its number; "" where the recording does not tell it
+    # its number; "" where the recording does not tell it
+    glove: Mapped[str] = mapped_column(String(200), default="")
     onset: Mapped[float]  # s of the recording
     end: Mapped[float]
     version: Mapped[str] = mapped_column(String(32))  # of the program
-    found: Mapped[dict[str, Any]] = mapped_column(
-        TextsWithCodes, default=dict
-    )  # lengths, seats, biases with standard deviations (derivative.py), SI
-    messages: Mapped[list[Any]] = mapped_column(
-        "told", TextsWithCodes, default=list
-    )  # what it says of itself, in sentences
+    # lengths, seats, biases with standard deviations (derivative.py), SI
+    found: Mapped[dict[str, Any]] = mapped_column(TextsWithCodes, default=dict)
+    # what it says of itself, in sentences
+    messages: Mapped[list[Any]] = mapped_column("told", TextsWithCodes, default=list)
     stored: Mapped[datetime] = mapped_column("kept", default=now)
     withdrawn: Mapped[datetime | None]  # it is not offered any more
 
@@ -263,9 +251,8 @@ class HandPhotograph(Base):
     version: Mapped[str] = mapped_column(String(32))  # of the program
     marks: Mapped[dict[str, Any]] = mapped_column(default=dict)  # pixels, by landmark
     figures: Mapped[dict[str, Any]] = mapped_column(default=dict)  # geometry (m), initial_pose
-    picture: Mapped[str | None] = mapped_column(
-        Text, deferred=True
-    )  # JPEG in base64; None: not kept
+    # JPEG in base64; None: not kept
+    picture: Mapped[str | None] = mapped_column(Text, deferred=True)
 
 
 class TreatmentEvent(Base):
@@ -335,37 +322,29 @@ class Result(Base):
     recording_id: Mapped[int] = mapped_column(
         ForeignKey("recording.id", ondelete="CASCADE"), index=True
     )
-    key: Mapped[str] = mapped_column(
-        String(64)
-    )  # sha256 of method, parameters, geometry, corrections and version
+    # sha256 of method, parameters, geometry, corrections and version
+    key: Mapped[str] = mapped_column(String(64))
     method: Mapped[str] = mapped_column(String(32))
     parameters: Mapped[dict[str, Any]] = mapped_column(default=dict)
-    corrections: Mapped[list[Any]] = mapped_column(
-        default=list, server_default="[]"
-    )  # that it was computed with
-    reused: Mapped[dict[str, Any]] = mapped_column(
-        default=dict, server_default="{}"
-    )  # of an earlier self-calibration; empty: nothing
-    trunk_height: Mapped[
-        float | None
-    ]  # m, in place of what the recording tells; None: as the recording tells it
+    # that it was computed with
+    corrections: Mapped[list[Any]] = mapped_column(default=list, server_default="[]")
+    # of an earlier self-calibration; empty: nothing
+    reused: Mapped[dict[str, Any]] = mapped_column(default=dict, server_default="{}")
+    # m, in place of what the recording tells; None: as the recording tells it
+    trunk_height: Mapped[float | None]
     version: Mapped[str] = mapped_column(String(32))
     created: Mapped[datetime] = mapped_column(default=now)
-    server: Mapped[str] = mapped_column(
-        String(32), default="", server_default=""
-    )  # which of several computes it
-    state: Mapped[str] = mapped_column(
-        String(16), default="queued"
-    )  # queued, running, done, failed
-    attempts: Mapped[int] = mapped_column(
-        default=0, server_default="0"
-    )  # how often its computation was begun
+    # which of several computes it
+    server: Mapped[str] = mapped_column(String(32), default="", server_default="")
+    # queued, running, done, failed
+    state: Mapped[str] = mapped_column(String(16), default="queued")
+    # how often its computation was begun
+    attempts: Mapped[int] = mapped_column(default=0, server_default="0")
     progress: Mapped[float] = mapped_column(default=0.0)
     error: Mapped[str] = mapped_column(TextWithCodes, default="")
     figures: Mapped[list[Any]] = mapped_column(TextsWithCodes, default=list)
-    content: Mapped[dict[str, Any]] = mapped_column(
-        TextsWithCodes, default=dict
-    )  # tasks with their details and curves thinned for pages
+    # tasks with their details and curves thinned for pages
+    content: Mapped[dict[str, Any]] = mapped_column(TextsWithCodes, default=dict)
     warnings: Mapped[list[Any]] = mapped_column(TextsWithCodes, default=list)
 
     recording: Mapped[RecordingFile] = relationship(back_populates="results")
@@ -392,9 +371,8 @@ class ResultReferences(Base):
     made: Mapped[datetime] = mapped_column(default=now)
     author: Mapped[str] = mapped_column(String(64), default="")  # account; "": the program
     edition_id: Mapped[str] = mapped_column(ForeignKey("reference_edition.id"))
-    data: Mapped[dict[str, Any]] = mapped_column(
-        default=dict
-    )  # before, other: values; visits: results and moments; own, glove: MDCs
+    # before, other: values; visits: results and moments; own, glove: MDCs
+    data: Mapped[dict[str, Any]] = mapped_column(default=dict)
 
 
 class Repeatability(Base):
@@ -455,17 +433,14 @@ class Account(Base):
     id: Mapped[int] = mapped_column(primary_key=True)
     name: Mapped[str] = mapped_column(String(64), unique=True)
     roles: Mapped[list[Any]] = mapped_column(default=list)  # of db/roles.py
-    password: Mapped[str | None] = mapped_column(
-        String(200)
-    )  # argon2id hash with its parameters; None: one-time codes or single sign-on
-    subject: Mapped[str | None] = mapped_column(
-        String(400), unique=True
-    )  # issuer and subject, of an account of single sign-on
+    # argon2id hash with its parameters; None: one-time codes or single sign-on
+    password: Mapped[str | None] = mapped_column(String(200))
+    # issuer and subject, of an account of single sign-on
+    subject: Mapped[str | None] = mapped_column(String(400), unique=True)
     disabled: Mapped[bool] = mapped_column(default=False)
     created: Mapped[datetime] = mapped_column(default=now)
-    version: Mapped[int] = mapped_column(
-        default=1, server_default="1"
-    )  # counts what administrators changed: roles, wards, in and out of use
+    # counts what administrators changed: roles, wards, in and out of use
+    version: Mapped[int] = mapped_column(default=1, server_default="1")
 
     logins: Mapped[list["Login"]] = relationship(
         back_populates="account", cascade="all, delete-orphan"

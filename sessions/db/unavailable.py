@@ -9,13 +9,8 @@ from handscope.estimators.messages.sentence import phrase
 
 UNAVAILABLE = phrase("database.unavailable")
 LOCKED = (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
-PASSING = (
-    "08",
-    "57",
-    "53",
-    "40",
-    "55",
-)  # SQLSTATE classes: connection, operator, resources, rollback, lock
+# SQLSTATE classes: connection, operator, resources, rollback, lock
+PASSING = "08", "57", "53", "40", "55"
 
 
 def is_unavailable(problem: BaseException | None) -> bool:

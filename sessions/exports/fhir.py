@@ -25,9 +25,8 @@ UCUM = "http://unitsofmeasure.org"
 SNOMED = "http://snomed.info/sct"
 SIDES = {"left": ("7771000", "Left"), "right": ("24028007", "Right")}
 TEST_DATA = {"system": "http://terminology.hl7.org/CodeSystem/v3-ActReason", "code": "HTEST"}
-_SPACE = uuid.UUID(
-    "6b1f6a54-4d0f-5c1b-9c39-6b1f3a0f5d10"
-)  # of the names that entries are made from
+# of the names that entries are made from
+_SPACE = uuid.UUID("6b1f6a54-4d0f-5c1b-9c39-6b1f3a0f5d10")
 Resource = dict[str, Any]
 
 

@@ -86,9 +86,8 @@ class Measured:
     tasks: "tuple[TaskResult, ...]" = ()
     report: bytes = b""  # PDF, where a format takes it
     skin: SkinMaker | None = None  # where a format takes it
-    labels: Mapping[str, str] = field(
-        default_factory=lambda: {"subject": "01", "task": "hand"}
-    )  # of BIDS
+    # of BIDS
+    labels: Mapping[str, str] = field(default_factory=lambda: {"subject": "01", "task": "hand"})
 
 
 @dataclass(frozen=True)

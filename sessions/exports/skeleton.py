@@ -18,9 +18,8 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array, Bools
 from handscope.sessions.exports.measured import Measured
 
-Y_UP = np.array(
-    [np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0]
-)  # takes vectors with z up to those with y up
+# takes vectors with z up to those with y up
+Y_UP = np.array([np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0])
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,8 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.measures.assessment import TaskResult
 from handscope.sessions.tables_io.trajectory_table import table_of
 
-READ = {
-    "rad": ("deg", 180 / np.pi),
-    "m": ("mm", 1e3),
-}  # unit that a person reads, and how many of it
+# unit that a person reads, and how many of it
+READ = {"rad": ("deg", 180 / np.pi), "m": ("mm", 1e3)}
 
 
 def movement(moved: Trajectory) -> dict[str, Any]:

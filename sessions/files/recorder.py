@@ -37,9 +37,8 @@ BUFFER = 2**22  # bytes that go to the file in one write: half a minute of 17 se
 PROFILE = "handscope"
 CHECKPOINT = "checkpoint"  # channel of what stands so far
 ORIGINAL = "original"  # channel of what a source gave; its messages are numbered by themselves
-SHRINKS = (
-    10  # times at most that a message of it may shrink: a reader refuses files that shrink more
-)
+# times at most that a message of it may shrink: a reader refuses files that shrink more
+SHRINKS = 10
 CHANNELS = {
     topic: Channel(id=k, topic=topic, message_encoding=encoding, metadata={}, schema_id=0)
     for k, (topic, encoding) in enumerate(

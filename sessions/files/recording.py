@@ -29,13 +29,11 @@ class LoadedRecording:
     warnings: tuple[str, ...] = ()
     start_utc: str | None = None  # ISO 8601
     checksum: str = ""  # sha256 of the file or, for a folder, of its files in order of name
-    source: Mapping[str, Any] = field(
-        default_factory=dict
-    )  # format, device, firmware, software: provenance in words
+    # format, device, firmware, software: provenance in words
+    source: Mapping[str, Any] = field(default_factory=dict)
     losses: Mapping[str, int] = field(default_factory=dict)  # samples lost on the way, by stream
-    strip_ids: Mapping[str, str] = field(
-        default_factory=dict
-    )  # which strip each tracked point was on, where the glove says
+    # which strip each tracked point was on, where the glove says
+    strip_ids: Mapping[str, str] = field(default_factory=dict)
     plate: Plate | None = None  # magnetometers on the trunk and magnet on the hand, where told
 
     @property

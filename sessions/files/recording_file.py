@@ -26,21 +26,17 @@ from handscope.sessions.files.recorder import CHANNELS, CHECKPOINT, ORIGINAL, PR
 
 LARGEST = 64 * 2**20  # bytes of a record; a recorder's are a few kB
 LZ4_MOST = 255  # bytes that one of lz4 becomes at most
-RATIO, MOST = (
-    20,
-    4 * 2**30,
-)  # of unpacked to packed in a whole file, and bytes of it: a recorder's chunks hardly shrink, hours are less than a GB
+# of unpacked to packed in a whole file, and bytes of it: a recorder's chunks hardly shrink, hours
+# are less than a GB
+RATIO, MOST = 20, 4 * 2**30
 HEAD = 9  # bytes of a record before its content: opcode and length
 RECORD = struct.Struct("<BQ")  # of every record
-CHUNK = struct.Struct(
-    "<QQQII"
-)  # of a chunk's content: times, size unpacked, CRC, letters that name its packing
+# of a chunk's content: times, size unpacked, CRC, letters that name its packing
+CHUNK = struct.Struct("<QQQII")
 LENGTH = struct.Struct("<Q")
 MESSAGE = struct.Struct("<HIQQ")  # of a message's content: channel, number, times
-CHUNK_MARK, MARK_AT = (
-    b"\x04\0\0\0zstd",
-    37,
-)  # what stands in every chunk record of a recorder, and where
+# what stands in every chunk record of a recorder, and where
+CHUNK_MARK, MARK_AT = b"\x04\0\0\0zstd", 37
 _OWN = threading.local()  # of each thread
 SIZES = {Opcode.DATA_END: 4, Opcode.FOOTER: 20}
 
@@ -64,9 +60,8 @@ def read_messages(
     From the first chunk at or behind `start` on, where it is not the file's beginning: what is missing is counted from there.
     """
     size, failed = file.seek(0, os.SEEK_END), 0
-    numbers = (
-        {} if start else {False: 0, True: 0}
-    )  # of the next message, by whether it is an original
+    # of the next message, by whether it is an original
+    numbers = {} if start else {False: 0, True: 0}
     topics: dict[int, str] = {}
     for inside in _records(file, size, found, start):
         failed += inside is None
@@ -214,9 +209,8 @@ def _unpacked_size(chunk: Chunk) -> int:
     """Bytes that the data may unpack to: a decompressor believes what the data says, were it more than there is memory."""
     if chunk.compression == "zstd":
         declared_size = zstandard.frame_content_size(chunk.data)
-        return (
-            chunk.uncompressed_size if declared_size < 0 else int(declared_size)
-        )  # it does not say: then no more is unpacked than the chunk says
+        # it does not say: then no more is unpacked than the chunk says
+        return chunk.uncompressed_size if declared_size < 0 else int(declared_size)
     return LZ4_MOST * len(chunk.data) if chunk.compression == "lz4" else len(chunk.data)
 
 

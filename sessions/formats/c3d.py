@@ -17,12 +17,8 @@ from handscope.sessions.files.silenced import without_warnings
 
 SUFFIX = ".c3d"
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
-SPELT = {
-    "mete": "m",
-    "metr": "m",
-    "cent": "cm",
-    "mill": "mm",
-}  # units in full, or what is left of them in four letters
+# units in full, or what is left of them in four letters
+SPELT = {"mete": "m", "metr": "m", "cent": "cm", "mill": "mm"}
 BLOCK = 512  # bytes
 MOST_FRAMES = 2**16 - 1  # that a header can count
 MOST_BYTES = 2**30  # of a file: an hour of 100 markers at 100 Hz is 0.6 GB
@@ -133,9 +129,8 @@ def read_markers(path: Path) -> Markers:
         raise InputError("c3d.no_rate", name=path.name, rate=rate)
     if len(points) < declared:
         raise InputError("c3d.cut_off", name=path.name, points=len(points), declared=declared)
-    hidden = (points[..., 3] < 0) | ~np.isfinite(points[..., :3]).all(
-        axis=-1
-    )  # a negative residual marks a point that was not seen
+    # a negative residual marks a point that was not seen
+    hidden = (points[..., 3] < 0) | ~np.isfinite(points[..., :3]).all(axis=-1)
     places = np.where(hidden[..., None], np.nan, points[..., :3] * METRES[unit])
     return Markers(np.arange(len(points)) / rate, names[: points.shape[1]], places)
 

@@ -12,9 +12,8 @@ from handscope.estimators.errors import InputError
 from handscope.sessions.sealing.stored import open_stored
 
 MOST_FILES = 10_000
-MOST_BYTES = (
-    4 * 2**30
-)  # of all files together: an hour of 17 sensors at 1 kHz as text is about 3.5 GB
+# of all files together: an hour of 17 sensors at 1 kHz as text is about 3.5 GB
+MOST_BYTES = 4 * 2**30
 MOST_RATIO = 400  # of unpacked to packed; numbers as text stay below 20
 WANTED = (".tsv", ".json")
 PIECE = 2**20  # bytes read at a time: a recording is never as a whole in memory as text
@@ -103,9 +102,8 @@ def _of_file(path: Path) -> Iterator[bytes]:
 def _zip(path: Path) -> dict[str, Pieces]:
     try:
         with open_stored(path) as file, zipfile.ZipFile(file) as archive:
-            entries = [
-                entry for entry in archive.infolist() if not entry.filename.endswith("/")
-            ]  # is_dir() fails on a name without a letter
+            # is_dir() fails on a name without a letter
+            entries = [entry for entry in archive.infolist() if not entry.filename.endswith("/")]
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
         raise InputError("motion_bids.zip_damaged", name=path.name) from None
     _refuse_tricks(path.name, entries)

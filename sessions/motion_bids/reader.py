@@ -520,7 +520,5 @@ def _provenance(systems: list[System]) -> dict[str, Any]:
         for s in systems
         if s.sidecar.get("TrackingSystemName") not in (None, MISSING)
     ]
-    return {
-        **({"device": names[0]} if len(names) == 1 else {}),
-        **source,
-    }  # of several none is the device's
+    # of several none is the device's
+    return {**({"device": names[0]} if len(names) == 1 else {}), **source}

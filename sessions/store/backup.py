@@ -62,14 +62,8 @@ PASSING = (
     f"{FILE}-journal",
     RESTORING,
 )
-DAMAGED = (
-    zipfile.BadZipFile,
-    zlib.error,
-    EOFError,
-    RuntimeError,
-    ValueError,
-    struct.error,
-)  # all that reading a damaged zip was seen to raise
+# all that reading a damaged zip was seen to raise
+DAMAGED = zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, ValueError, struct.error
 TRIES = 3  # times that a backup is begun again because a patient was erased meanwhile
 
 

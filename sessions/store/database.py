@@ -25,10 +25,8 @@ AUDIT_COPY = "HANDSCOPE_AUDIT_COPY"  # environment: where lines of the audit tra
 RESTORING = "restoring"  # lies in a data folder while a backup is being put into it
 MIGRATIONS = str(files("handscope.sessions.db") / "migrations")
 WAIT = 5.0  # s that a change waits for another process that holds SQLite's lock
-_POOL: dict[str, Any] = {
-    "pool_size": 20,
-    "max_overflow": 40,
-}  # reads go on beside changes that wait
+# reads go on beside changes that wait
+_POOL: dict[str, Any] = {"pool_size": 20, "max_overflow": 40}
 UPGRADE_LOCK = 0x68616E64  # PostgreSQL: one process at a time brings the schema up to date; any number that nobody else uses
 
 
@@ -109,9 +107,8 @@ def upgrade(engine: Engine, to: str = "head") -> None:
             connection.commit()
         with connection.begin():
             if sqlite:
-                connection.exec_driver_sql(
-                    "BEGIN IMMEDIATE"
-                )  # all or nothing, one process at a time
+                # all or nothing, one process at a time
+                connection.exec_driver_sql("BEGIN IMMEDIATE")
             else:
                 connection.exec_driver_sql("SET LOCAL lock_timeout = 0")
                 connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({UPGRADE_LOCK})")

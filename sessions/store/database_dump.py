@@ -28,9 +28,8 @@ from handscope.sessions.db.plain_text import replaced
 from handscope.sessions.store.database import is_known, upgrade
 
 REVISION = "alembic_version"
-PASSING = frozenset(
-    {"attempt", "login", "server"}
-)  # tables whose rows are not kept: a browser logs in again, what is restored is one server's
+# tables whose rows are not kept: a browser logs in again, what is restored is one server's
+PASSING = frozenset({"attempt", "login", "server"})
 TOGETHER = 200  # rows that are read or written at a time: a result may have a megabyte
 
 

@@ -22,14 +22,12 @@ from handscope.sessions.store.database import RESTORING, open_database
 from handscope.sessions.store.folder_privacy import keep_private, mend_permissions
 
 CACHE = "cache"  # of files that are in the object storage
-AWAY = (
-    "away:"  # begins the name of an erased file that is still to be removed from the object storage
-)
+# begins the name of an erased file that is still to be removed from the object storage
+AWAY = "away:"
 ELSEWHERE = "elsewhere:"  # begins the name of one that another server has in its folder
 PROBE = 2**20  # bytes that must be free to start at all: the database makes files of its own
-FREE = (
-    200 * 2**20
-)  # bytes that must be free to begin a recording: half an hour of 17 sensors at 200 Hz
+# bytes that must be free to begin a recording: half an hour of 17 sensors at 200 Hz
+FREE = 200 * 2**20
 
 
 @dataclass(frozen=True)
@@ -39,9 +37,8 @@ class Store:
     folder: Path
     database: sessionmaker[Session]
     url: str | None = None
-    away: ObjectStorage | None = (
-        None  # where closed files are moved (sessions/store/stored_files.py); None keeps them in the folder
-    )
+    # where closed files are moved (sessions/store/stored_files.py); None keeps them in the folder
+    away: ObjectStorage | None = None
     server: str = ""  # which of several servers' folder it is (sessions/store/shared_servers.py)
 
     @property

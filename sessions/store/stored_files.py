@@ -54,9 +54,8 @@ def fetch_local(store: Store, file: str, sha256: str | None = None) -> Path:
             _require_here(store, file)
             return path
     with contextlib.suppress(OSError):
-        os.utime(
-            copy, ns=(time.time_ns(), copy.stat().st_mtime_ns)
-        )  # the cache lets go what was not read for longest
+        # the cache lets go what was not read for longest
+        os.utime(copy, ns=(time.time_ns(), copy.stat().st_mtime_ns))
     return copy
 
 

@@ -18,9 +18,8 @@ class NumberColumns:
     file: str
     names: tuple[str, ...]
     values: Array  # (rows, columns), NaN where a cell is no number
-    faults: Mapping[int, str] = field(
-        default_factory=dict
-    )  # of a column the first cell that is no number but looks like one
+    # of a column the first cell that is no number but looks like one
+    faults: Mapping[int, str] = field(default_factory=dict)
 
     def column(self, wanted: Column) -> Array:
         """A column (rows,) by name, or by number from 0; InputError where it is not there."""

@@ -29,16 +29,8 @@ QUATERNION = re.compile(r"(?:^|[^a-z]|q)([wxyz])(?:[^a-z]|$)|([WXYZ])(?:[^a-zA-Z
 NO_READING = re.compile(
     r"free_?acc|lin(ear)?_?acc|^d[qv]\b|^d[qv][_\[]|euler|pos(ition)?[_\W]", re.IGNORECASE
 )  # of a sensor
-LETTERS = (
-    "wxyz",
-    "0123",
-    "1234",
-    "xyz",
-    "uvw",
-    "123",
-    "012",
-    "abc",
-)  # of components, longest first
+# of components, longest first
+LETTERS = "wxyz", "0123", "1234", "xyz", "uvw", "123", "012", "abc"
 UNITS = (  # words in a header, most telling first
     ("deg/s", GYR), ("dps", GYR), ("rad/s", GYR), ("mg", ACC), ("m/s^2", ACC), ("m/s2", ACC),
     ("[g]", ACC), ("(g)", ACC), ("ut", MAG),

@@ -13,9 +13,8 @@ from handscope.estimators.messages.system import describe
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
-OBSERVED_SD = np.radians(
-    3.0
-)  # largest standard deviation of a seat that movement told; the others rest on the nominal mounting
+# largest standard deviation of a seat that movement told; the others rest on the nominal mounting
+OBSERVED_SD = np.radians(3.0)
 
 
 def read(path: Path) -> PriorCalibration:

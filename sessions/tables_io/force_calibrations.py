@@ -14,13 +14,10 @@ from handscope.estimators.force.setup import ForceSetup, parse_setups, setup_to_
 from handscope.estimators.messages.sentence import phrase
 
 FOLDER = "force_calibrations"  # in the data folder
-SETUP, SETUPS = (
-    "ForceSetup",
-    "force_setups",
-)  # in a file, by point; in a recording, by strip and point
-StoredSetups = Mapping[
-    str, Mapping[str, ForceSetup]
-]  # by strip_id in hexadecimal, then by tracked point
+# in a file, by point; in a recording, by strip and point
+SETUP, SETUPS = "ForceSetup", "force_setups"
+# by strip_id in hexadecimal, then by tracked point
+StoredSetups = Mapping[str, Mapping[str, ForceSetup]]
 
 
 def path_of(data: Path, strip_id: int) -> Path:

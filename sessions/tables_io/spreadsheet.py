@@ -11,9 +11,8 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
-INNER = re.compile(
-    "([,;\t\r\n]\\s*)(?=[=+@\uff1d\uff0b\uff0d\uff20]|-(?![\\d.]))"
-)  # a formula behind a mark
+# a formula behind a mark
+INNER = re.compile("([,;\t\r\n]\\s*)(?=[=+@\uff1d\uff0b\uff0d\uff20]|-(?![\\d.]))")
 
 
 def write_table(

@@ -33,9 +33,8 @@ class AccessDeadlines:
             moment = self._clock()
             end = self._ends.setdefault(access.id, moment + left)
             if left <= 0:
-                self._ends[access.id] = end = (
-                    OVER  # it stays over, whatever the time of day says later
-                )
+                # it stays over, whatever the time of day says later
+                self._ends[access.id] = end = OVER
         return end > moment
 
     def end(self, access: EmergencyAccess) -> None:

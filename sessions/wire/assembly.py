@@ -62,9 +62,8 @@ class StreamCount:
 
     samples: int = 0
     lost: int = 0  # by the sample counter, or dropped because they would run back in time
-    unsent: int = (
-        0  # of the lost, those that are missing though every frame came: the glove never sent them
-    )
+    # of the lost, those that are missing though every frame came: the glove never sent them
+    unsent: int = 0
     saturated: int = 0  # samples with a value at the sensor's limit
 
 
@@ -82,43 +81,34 @@ class Assembler:
     counts: dict[str, StreamCount] = field(default_factory=dict)  # by stream name
     replies: deque[Reply] = field(default_factory=lambda: deque(maxlen=64))
     calibrations: dict[tuple[int, int], StripCalibration] = field(default_factory=dict)
-    forces: dict[tuple[int, int], ForceSensorCalibration] = field(
-        default_factory=dict
-    )  # calibrations of force sensors
+    # calibrations of force sensors
+    forces: dict[tuple[int, int], ForceSensorCalibration] = field(default_factory=dict)
     stored_forces: StoredSetups = field(default_factory=dict)  # of strips that tell none
     marks: list[Event] = field(default_factory=list)  # events that the device told, in order
-    mounting: dict[str, Array] = field(
-        default_factory=dict
-    )  # nominal q_BS (4,) by tracked point, as the strips tell
-    plate: Plate | None = (
-        None  # magnetometers on the trunk and magnet on the hand, as the glove tells
-    )
+    # nominal q_BS (4,) by tracked point, as the strips tell
+    mounting: dict[str, Array] = field(default_factory=dict)
+    # magnetometers on the trunk and magnet on the hand, as the glove tells
+    plate: Plate | None = None
     replaced: int = 0  # times that another device was plugged in
-    contested: dict[int, str] = field(
-        default_factory=dict
-    )  # by slot, ids of the strip that held it and of another that claimed it
+    # by slot, ids of the strip that held it and of another that claimed it
+    contested: dict[int, str] = field(default_factory=dict)
     undescribed: int = 0  # bursts dropped because their stream was never described
-    exchanged: dict[str, str] = field(
-        default_factory=dict
-    )  # by the finger that a strip says it is for, the one that it is on
-    host: ClockMap = field(
-        default_factory=ClockMap
-    )  # base unit's clock to the host's arrival times, s
+    # by the finger that a strip says it is for, the one that it is on
+    exchanged: dict[str, str] = field(default_factory=dict)
+    # base unit's clock to the host's arrival times, s
+    host: ClockMap = field(default_factory=ClockMap)
     _announced: dict[int, Strip] = field(default_factory=dict)  # strips as they describe themselves
     _readings: dict[int, Reading] = field(default_factory=dict)  # by stream number
     _clocks: dict[int, ClockMap] = field(default_factory=dict)
-    _zero: int | None = (
-        None  # base clock at recording time 0, ns; moves when the device begins again
-    )
+    # base clock at recording time 0, ns; moves when the device begins again
+    _zero: int | None = None
     _attribution: LossAttribution = field(default_factory=LossAttribution)
     _next_index: dict[int, int] = field(default_factory=dict)
-    _missing_at: dict[str, int] = field(
-        default_factory=dict
-    )  # frames missing when a stream's newest burst came
+    # frames missing when a stream's newest burst came
+    _missing_at: dict[str, int] = field(default_factory=dict)
     _waiting: deque[tuple[Samples, float]] = field(default_factory=lambda: deque(maxlen=WAITING))
-    _early: deque[Mark] = field(
-        default_factory=lambda: deque(maxlen=64)
-    )  # marks that came before the first sample
+    # marks that came before the first sample
+    _early: deque[Mark] = field(default_factory=lambda: deque(maxlen=64))
     _host_zero: float | None = None  # arrival time at recording time 0
     _newest: dict[str, float] = field(default_factory=dict)
 
@@ -149,9 +139,8 @@ class Assembler:
             for message in self.decoder.feed(chunk):
                 try:
                     for burst in self._take(message, arrival):
-                        bursts.setdefault(id(burst.reading), []).append(
-                            burst
-                        )  # a stream described anew is another one
+                        # a stream described anew is another one
+                        bursts.setdefault(id(burst.reading), []).append(burst)
                 except Exception as fault:
                     if failed is None:
                         raise

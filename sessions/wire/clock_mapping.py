@@ -20,9 +20,8 @@ class ClockMap:
     offset: float | None = None  # s
     rate: float = 1.0
     origin: float = 0.0  # remote time at which `offset` holds
-    _best: list[tuple[float, float]] = field(
-        default_factory=list
-    )  # (remote, local - remote), one a bin
+    # (remote, local - remote), one a bin
+    _best: list[tuple[float, float]] = field(default_factory=list)
 
     def update(self, remote: float, local: float) -> None:
         """Take a pair; the line is drawn anew when a bin is full."""
@@ -38,9 +37,8 @@ class ClockMap:
         elif bins == 0 and delay < self._best[-1][1]:
             self._best[-1] = (remote, delay)
         if delay < self.offset + (self.rate - 1.0) * (remote - self.origin):
-            self.offset = delay - (self.rate - 1.0) * (
-                remote - self.origin
-            )  # earlier than thought possible: the line lies lower
+            # earlier than thought possible: the line lies lower
+            self.offset = delay - (self.rate - 1.0) * (remote - self.origin)
 
     def local(self, remote: float) -> float:
         """The local time of a remote time stamp."""

@@ -18,9 +18,9 @@ class ForceSensorCalibration:
     slot: int
     sensor: int
     scale_sd: float  # share by which forces may be wrong
-    turn_sd: (
-        float | None
-    )  # rad: the forces are in the axes of the cuff's inertial sensor, to so much; None: as the mountings say
+    # rad: the forces are in the axes of the cuff's inertial sensor, to so much; None: as the
+    # mountings say
+    turn_sd: float | None
     offset: tuple[float, ...]  # 3 or 6
     matrix: tuple[float, ...]  # 9 or 36, row by row
 

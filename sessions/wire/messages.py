@@ -70,9 +70,8 @@ class Strip:
     attached: bool
     strip_id: int
     points: tuple[str, ...]
-    mounting: tuple[
-        float, ...
-    ] = ()  # nominal q_BS of each sensor, 4 numbers each; empty = axes along the segment's
+    # nominal q_BS of each sensor, 4 numbers each; empty = axes along the segment's
+    mounting: tuple[float, ...] = ()
     raw: bool = False  # samples are as the sensors read; the host corrects them by the StripCalibration of each
 
 
@@ -87,9 +86,8 @@ class StreamInfo:
     format: Format
     rate: float  # Hz
     scale: tuple[float, ...]  # SI units per count, by quantity
-    full_scale: tuple[
-        float, ...
-    ]  # largest value of the sensor in SI units, by quantity; 0 = unknown
+    # largest value of the sensor in SI units, by quantity; 0 = unknown
+    full_scale: tuple[float, ...]
 
 
 @dataclass(frozen=True)

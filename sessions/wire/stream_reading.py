@@ -26,13 +26,8 @@ from handscope.sessions.wire.messages import Samples, StreamInfo, StripCalibrati
 from handscope.sessions.wire.sample_values import decode_values
 from handscope.sessions.wire.strip_calibration import correction_of
 
-KINDS = {
-    GYR: "",
-    MAG: "_mag",
-    FORCE: "_force",
-    TORQUE: "_torque",
-    ORIENTATION: "_orientation",
-}  # behind the strip's name, by the first of these that a stream gives
+# behind the strip's name, by the first of these that a stream gives
+KINDS = {GYR: "", MAG: "_mag", FORCE: "_force", TORQUE: "_torque", ORIENTATION: "_orientation"}
 
 
 @dataclass(frozen=True)
@@ -43,9 +38,8 @@ class Reading:
     info: StreamInfo
     messages: tuple[StripCalibration, ...]
     correction: Correction | None
-    limits: (
-        Array  # (axes,) sizes that count as the sensor's limit, SI; infinite where none is known
-    )
+    # (axes,) sizes that count as the sensor's limit, SI; infinite where none is known
+    limits: Array
     forces: tuple[ForceSensorCalibration | None, ...]  # calibrations of force sensors
     raw: bool  # whether they are still to be applied
 
@@ -104,9 +98,8 @@ def describe_stream(
     }
     known = {p: f for p, f in zip(points, forces) if f is not None}
     if known and applied:
-        scales = {
-            q: f for q, f in scales.items() if q not in (FORCE, TORQUE)
-        }  # a limit is of what was sent
+        # a limit is of what was sent
+        scales = {q: f for q, f in scales.items() if q not in (FORCE, TORQUE)}
     scale_sd = {p: f.scale_sd for p, f in known.items()}
     turn_sd = {p: f.turn_sd for p, f in known.items() if f.turn_sd is not None}
     clock = f"clock{info.clock}"

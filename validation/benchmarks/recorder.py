@@ -39,9 +39,9 @@ def measure() -> list[Metric]:
             overruns = worn.assembler.status.overruns if worn.assembler.status else 0
         recording = native.load(file)
         samples = sum(len(b.t) * len(b.stream.sensors) for b in recording.samples.values())
-        lost = max(
-            sum(recording.losses.values()), overruns
-        )  # the streams' counters count what the glove dropped, too, but for what nothing came after: that is told in frames, of a sample and more
+        # the streams' counters count what the glove dropped, too, but for what nothing came after:
+        # that is told in frames, of a sample and more
+        lost = max(sum(recording.losses.values()), overruns)
         size = file.stat().st_size
     return [
         Metric("samples lost by the recording", float(lost), "samples", 0.0, "lower"),

@@ -16,10 +16,8 @@ from handscope.estimators.pipeline.recording_calibration import calibrate
 from handscope.validation.benchmarks import Metric
 from handscope.validation.benchmarks.batch import FAST, recording_of
 
-TARGETS = {
-    "m2": None,
-    "ekf": 1.0,
-}  # ms, 99th percentile: updates of the filter come at every 40th sample
+# ms, 99th percentile: updates of the filter come at every 40th sample
+TARGETS = {"m2": None, "ekf": 1.0}
 STEPS = 2000
 
 

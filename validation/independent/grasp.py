@@ -22,15 +22,10 @@ from handscope.validation.independent.simulator.pinch import Held, pinched
 from handscope.validation.reproduce import Wanted
 from handscope.validation.reproduce.finding import Finding, Row, Spread, Table, spread
 
-MASSES, STIFFNESSES, DAMPINGS = (
-    (0.1, 1.0),
-    (200.0, 3000.0),
-    (0.0, 30.0),
-)  # kg, N/m, N s/m: drawn between these, the first two by their logarithm
-WRONG, SURE = (
-    0.1,
-    2.5,
-)  # share of the true value, standard deviations: further off without a word is surely wrong
+# kg, N/m, N s/m: drawn between these, the first two by their logarithm
+MASSES, STIFFNESSES, DAMPINGS = (0.1, 1.0), (200.0, 3000.0), (0.0, 30.0)
+# share of the true value, standard deviations: further off without a word is surely wrong
+WRONG, SURE = 0.1, 2.5
 CALIBRATED = Cuffs(calibrated=True)
 
 

@@ -37,9 +37,8 @@ MM, DEG = 1e3, 180 / np.pi
 FIRST = 10.0  # s that are left out: the hand begins to move after five
 COUNTS = {"four": 4, "one": 1}
 NAMES = tuple(f"trunk_mag_{k + 1}" for k in range(len(world.PLATE)))
-Q_BS = Rotation.from_matrix(
-    [[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]]
-)  # breastbone's sensor to the trunk: forward, up, right
+# breastbone's sensor to the trunk: forward, up, right
+Q_BS = Rotation.from_matrix([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
 UNTOLD = (30.0, 3.0)  # mm and standard deviations from which on a place that nobody marked is wrong
 BACK, WITHIN = 25.0, 3.0  # mm; s, one in which the hand comes back and two to find it
 FIGURES = {
@@ -87,9 +86,8 @@ class Trial:
     seconds: float = 60.0
 
 
-Found = Mapping[
-    str, Mapping[str, float]
-]  # by number of magnetometers; a figure that a movement does not have is left out
+# by number of magnetometers; a figure that a movement does not have is left out
+Found = Mapping[str, Mapping[str, float]]
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:

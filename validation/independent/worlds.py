@@ -21,9 +21,8 @@ from handscope.validation.independent.simulator.free_movement import (
 )
 from handscope.validation.studies.worlds import is_claimed
 
-USUAL = Setup(
-    0, fingers=FINGERS, forearm=True, duration=45.0, pace=0.6, missed=2.0 * DEG
-)  # s, Hz, rad
+# s, Hz, rad
+USUAL = Setup(0, fingers=FINGERS, forearm=True, duration=45.0, pace=0.6, missed=2.0 * DEG)
 
 
 @dataclass(frozen=True)

@@ -114,9 +114,8 @@ def _figures(name: str, made: Simulated, moved: Trajectory) -> dict[str, float]:
 def _index_tip(moved: Trajectory) -> Array:
     """Tip of the index finger (n, 3) m from the wrist in the hand's frame: as the hand's markers saw it."""
     wrist = moved.angles[:, JOINT["wrist"]]
-    q = joint_angles.compose(
-        np.nan_to_num(wrist, nan=0.0)
-    )  # without a forearm's sensor the wrist counts as neutral already
+    # without a forearm's sensor the wrist counts as neutral already
+    q = joint_angles.compose(np.nan_to_num(wrist, nan=0.0))
     return quat.rotate(quat.conjugate(q), moved.tips[:, FINGERS.index("index")])
 
 

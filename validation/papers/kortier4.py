@@ -77,9 +77,8 @@ class Found:
     converged: bool
     percent: dict[str, float]  # errors of distances and lengths
     sds: dict[str, float]  # errors of lengths in the standard deviations that were given with them
-    bound: dict[
-        str, float
-    ]  # %, the least standard deviation of a length; nothing but white noise: empty elsewhere
+    # %, the least standard deviation of a length; nothing but white noise: empty elsewhere
+    bound: dict[str, float]
     gyr_bias: float  # % of all axes, RMS error of RMS bias
     acc_bias: float  # % the same of the phalanges' accelerometers, against the board's along the hinges' axes
     mounting_error: float  # deg, of proximal and middle sensor, the larger

@@ -23,22 +23,18 @@ from handscope.validation.reproduce import Wanted
 from handscope.validation.reproduce.finding import Finding, Row, Spread, Table, Verdict, spread
 
 MM = 1e3
-SPOT = np.array(
-    [0.0, -0.35, 0.9]
-)  # m of the trunk from the middle of the furniture: the field varies by 0.1 to 0.3 % over 20 cm
+# m of the trunk from the middle of the furniture: the field varies by 0.1 to 0.3 % over 20 cm
+SPOT = np.array([0.0, -0.35, 0.9])
 FIRST = 10.0  # s that are left out, as in the thesis
-FRONT = np.array(
-    [0.0, 0.0, 0.25]
-)  # m from the only magnetometer to the middle of where hands work: one cannot tell front from back
+# m from the only magnetometer to the middle of where hands work: one cannot tell front from back
+FRONT = np.array([0.0, 0.0, 0.25])
 MAGNETOMETERS = {"four": 4, "one": 1}
 MOVEMENTS = {"hand": "moving hand", "trunk": "moving trunk", "both": "both moving"}
 FIGURES = {"position": "mm", "relative": "deg", "trunk": "deg"}
 START = np.radians(10.0)  # how well somebody knows how the hand is turned at the start
 WHAT = ("place", "relative orientation", "orientation of the trunk")
-AWAY, RAMP = (
-    (20.0, 30.0),
-    0.5,
-)  # s, when the hand is led out of reach, and s until it is back after that
+# s, when the hand is led out of reach, and s until it is back after that
+AWAY, RAMP = (20.0, 30.0), 0.5
 DEFAULTS = MagnetParams(gyr_reading="instant")
 AS_SIMULATED = replace(
     DEFAULTS,

@@ -21,9 +21,8 @@ from handscope.validation.reproduce.experiments import (
 from handscope.validation.reproduce.figures import Line, lines
 from handscope.validation.reproduce.finding import Finding, Row, Table, spread
 
-RIGID = SensorErrors(
-    skin_angle=0.0, skin_shift=0.0, gyr_range=1000.0, acc_range=4.0
-)  # no skin; full scales of the paper
+# no skin; full scales of the paper
+RIGID = SensorErrors(skin_angle=0.0, skin_shift=0.0, gyr_range=1000.0, acc_range=4.0)
 ALIGNED = SensorErrors(
     skin_angle=0.0,
     skin_shift=0.0,

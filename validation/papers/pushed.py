@@ -28,9 +28,8 @@ VARIANTS = {
     "common inclination": m2.Params(functional=False, alignment="common"),
     "after the steps": m2.Params(),
 }
-Errors = Mapping[
-    str, tuple[float, float, float]
-]  # by variant: tip in cm; finger's angles, all angles in deg
+# by variant: tip in cm; finger's angles, all angles in deg
+Errors = Mapping[str, tuple[float, float, float]]
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:

@@ -25,9 +25,8 @@ from handscope.validation.reproduce.finding import Finding, Row, Table, Verdict,
 TIP_TARGET, ANGLE_TARGET = 0.8, 2.6  # cm, deg on average over the table
 CM = 100.0
 PAPER = "Salchow-Hoemmen 2019, Table 6, subject 1"
-Errors = Mapping[
-    str, tuple[float, float, float]
-]  # by variant: tip in cm; finger's angles, all angles in deg
+# by variant: tip in cm; finger's angles, all angles in deg
+Errors = Mapping[str, tuple[float, float, float]]
 
 
 def trials(wanted: Wanted) -> Sequence[Trial]:

@@ -32,16 +32,11 @@ from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.validation.reproduce.finding import Sizes
 
 Rows = Indices
-POSE_ERROR = (
-    2.5  # deg, largest, of every freedom in the initial pose: what a person misses the flat hand by
-)
+# deg, largest, of every freedom in the initial pose: what a person misses the flat hand by
+POSE_ERROR = 2.5
 RATE = 100.0  # Hz
-OF_OTHER_WORLDS = (
-    "distribution",
-    "skin_law",
-    "slip",
-    "slipping",
-)  # only `honesty` changes these
+# only `honesty` changes these
+OF_OTHER_WORLDS = "distribution", "skin_law", "slip", "slipping"
 VARIANTS: Mapping[str, tuple[str, Mapping[str, str]]] = {
     "b": ("b", {}),
     "m1": ("m1", {}),
@@ -166,9 +161,8 @@ def at_the_truths_instants(
 
 def simulated_setting(disturbed: bool) -> tuple[str, ...]:
     """What is the same in all simulated experiments; the error sizes are in `sizes`."""
-    field = " ".join(
-        ((office if disturbed else homogeneous).__doc__ or "").split()
-    )  # the simulator's own words
+    # the simulator's own words
+    field = " ".join(((office if disturbed else homogeneous).__doc__ or "").split())
     return (
         f"Every seed is another person: hand, lengths, sensors, errors and movement are drawn anew. {len(DOF_NAMES)} freedoms, left hand, 17 sensors "
         f"at {RATE:g} Hz, one initial pose of which every freedom of every joint is missed by up to {POSE_ERROR:g} deg. Magnetic field: {field} "

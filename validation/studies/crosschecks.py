@@ -94,9 +94,8 @@ class Made:
     recording: Recording
     blocks: tuple[Block, ...]
     finger: str
-    instants: Array | None = (
-        None  # (n,) s, when the samples were taken, where their times tell otherwise
-    )
+    # (n,) s, when the samples were taken, where their times tell otherwise
+    instants: Array | None = None
 
     def spoilt(self, change: Callable[[Block], Block]) -> "Made":
         return replace(self, blocks=tuple(change(b) for b in self.blocks))
@@ -187,9 +186,8 @@ def _half(made: Made) -> float:
 def slip(made: Made, degrees: float, sensor: str, start: float) -> Made:
     """A recording in which a sensor turns about its joint's axis at `start` s."""
     q_BS = nominal_mounting([sensor], made.recording.mounting)[sensor]
-    axis = quat.rotate(
-        quat.conjugate(q_BS), np.array([0.0, 0.0, 1.0])
-    )  # the joint's, in the sensor
+    # the joint's, in the sensor
+    axis = quat.rotate(quat.conjugate(q_BS), np.array([0.0, 0.0, 1.0]))
     return made.spoilt(slipped(sensor, np.radians(degrees) * axis, start))
 
 

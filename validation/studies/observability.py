@@ -71,10 +71,8 @@ MOVEMENTS: Mapping[str, Movement] = {
     "the same, three times slower": Movement(JOINTS, True, True, 3.0),
 }
 FINGERS: Mapping[str, Chain] = {"artificial finger": HINGED, "human finger": build_chain(SEGMENTS)}
-UPWARD, ALONG = (
-    np.array([0.0, 0.0, 1.0]),
-    np.array([0.0, 1.0, 0.0]),
-)  # z of a segment is its hinges' axis, y runs along its bone
+# z of a segment is its hinges' axis, y runs along its bone
+UPWARD, ALONG = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
 # what a movement may tell: unit, and the standard deviation that is good enough
 GOOD: Mapping[str, tuple[str, float]] = {
     "length, proximal": ("mm", 0.6),

@@ -22,9 +22,8 @@ class Measured:
     t: Indices  # (n,) ns of the host's monotonic clock, increasing
     values: Array  # (n, points, width) SI, in the sensors' frames, NaN where missing
     rate: float | None = None  # Hz, where the device states it
-    sensor: str = (
-        ""  # its name, DEVICE or DEVICE/NUMBER; then points may be empty: nobody says where it sits
-    )
+    # its name, DEVICE or DEVICE/NUMBER; then points may be empty: nobody says where it sits
+    sensor: str = ""
 
 
 @dataclass(frozen=True)

@@ -45,10 +45,8 @@ class Build:
     burst: float = 0.01  # s of samples in one frame
     drift: float = 0.0  # of the base clock against true time, e.g. 20e-6
     forearm_drift: float = 35e-6  # of the wireless sensor's clock against the base unit's
-    forearm_delay: tuple[float, float] = (
-        0.005,
-        0.01,
-    )  # s, least and mean delay of the radio: about 10 ms (Salchow-Hoemmen 2019, 2.1)
+    # s, least and mean delay of the radio: about 10 ms (Salchow-Hoemmen 2019, 2.1)
+    forearm_delay: tuple[float, float] = 0.005, 0.01
     clock_start: float = 12.0  # s that the base clock shows when samples begin
 
 
@@ -68,12 +66,10 @@ class Firmware:
     _t: float = 0.0  # glove time reached
     _made: float = 0.0  # glove time up to which samples are made
     _announced: float = -np.inf
-    _due: list[tuple[float, int, wire.Samples]] = field(
-        default_factory=list
-    )  # a heap by time of sending, then order of making
-    _sent: dict[int, float] = field(
-        default_factory=dict
-    )  # when a stream's last burst is sent: a radio link keeps the order
+    # a heap by time of sending, then order of making
+    _due: list[tuple[float, int, wire.Samples]] = field(default_factory=list)
+    # when a stream's last burst is sent: a radio link keeps the order
+    _sent: dict[int, float] = field(default_factory=dict)
     _order: int = 0
     _indices: dict[int, int] = field(default_factory=dict)
 

@@ -20,16 +20,10 @@ from handscope.sessions.wire.force_calibration import ForceSensorCalibration, me
 from handscope.sessions.wire.messages import StripCalibration
 from handscope.sessions.wire.strip_calibration import correction_of, message_of
 
-BIAS = {
-    GYR: np.radians(5.0),
-    ACC: 0.06 * GRAVITY,
-    MAG: 30e-6,
-}  # MPU-9250 specification rev. 1.0, tables 1-2: 5 deg/s, 60 mg; magnetometer ours
-SCALE = {
-    GYR: 0.03,
-    ACC: 0.03,
-    MAG: 0.05,
-}  # the same, tolerance of the sensitivity; magnetometer ours
+# MPU-9250 specification rev. 1.0, tables 1-2: 5 deg/s, 60 mg; magnetometer ours
+BIAS = {GYR: np.radians(5.0), ACC: 0.06 * GRAVITY, MAG: 30e-6}
+# the same, tolerance of the sensitivity; magnetometer ours
+SCALE = {GYR: 0.03, ACC: 0.03, MAG: 0.05}
 CROSS_AXIS = 0.02  # the same
 
 
@@ -37,13 +31,11 @@ CROSS_AXIS = 0.02  # the same
 class Flash:
     """By strip name, one calibration a sensor; a strip that is absent sends samples corrected by itself."""
 
-    errors: dict[str, list[ImuCalibration]] = field(
-        default_factory=dict
-    )  # what would remove the sensors' true errors
+    # what would remove the sensors' true errors
+    errors: dict[str, list[ImuCalibration]] = field(default_factory=dict)
     stored: dict[str, list[ImuCalibration]] = field(default_factory=dict)
-    forces: dict[str, ForceSetup] = field(
-        default_factory=dict
-    )  # by point, of force sensors that send what they read
+    # by point, of force sensors that send what they read
+    forces: dict[str, ForceSetup] = field(default_factory=dict)
     tells_forces: bool = True  # False: whoever reads them has to know
 
     def is_raw(self, stream: Stream) -> bool:

@@ -49,11 +49,8 @@ from handscope.sessions.files.recording import LoadedRecording
 BRIDGE = 0.8  # s from whatever the hand does to the beginning of the next task
 HOLD = 3600.0  # s that a pose is held until the next cue
 FORCE_RATE = 12.0  # Hz: Kortier, thesis 6.2.3
-MORE = (
-    "force",
-    "torque",
-    TRUNK,
-)  # strips that are not on the hand's segments; torque: the force sensors have six axes
+# strips that are not on the hand's segments; torque: the force sensors have six axes
+MORE = "force", "torque", TRUNK
 FRAME = 1.5  # s from the relaxed posture into what is held
 HELD: Mapping[
     str, Callable[..., Performance]
@@ -116,9 +113,8 @@ class SimulatedPerson:
     rng: np.random.Generator
     errors: SensorErrors
     repeat: str | None = None  # a task that is begun again whenever nothing else is going on
-    worn_on: Mapping[str, str] = field(
-        default_factory=dict
-    )  # by the segment that a sensor says it is for, the one that it is on
+    # by the segment that a sensor says it is for, the one that it is on
+    worn_on: Mapping[str, str] = field(default_factory=dict)
     negated: Mapping[str, int] = field(default_factory=dict)  # axis of a sensor's gyroscope
 
     def __post_init__(self) -> None:
@@ -141,9 +137,8 @@ class SimulatedPerson:
             force_sensors.draw_six_axes(self._force, self._of_torque) if self._force else None
         )
         self._torque_zero = np.zeros((len(felt), 3))  # Nm, the same of torques
-        self._cache: dict[
-            float, tuple[float, float, Array, Array]
-        ] = {}  # by rate: span, times, readings of all sensors
+        # by rate: span, times, readings of all sensors
+        self._cache: dict[float, tuple[float, float, Array, Array]] = {}
         on_trunk = any(TRUNK in s.sensors for s in self.streams)
         self._trunk = trunk.draw_carried(TrunkGlove(), self.rng) if on_trunk else None
         self.mounting: Mapping[str, Array] = self._trunk.mounting if self._trunk else {}

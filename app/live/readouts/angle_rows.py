@@ -9,9 +9,8 @@ from handscope.estimators.hand.anatomy import ANGLES, JOINTS
 from handscope.estimators.numerics.typing import Array
 
 FREEDOMS = [(joint.name, ANGLES[a]) for joint in JOINTS for a in joint.dofs]
-MOVING = tuple(
-    np.array([(j, a) for j, joint in enumerate(JOINTS) for a in joint.dofs]).T
-)  # their indices in a row's angles
+# their indices in a row's angles
+MOVING = tuple(np.array([(j, a) for j, joint in enumerate(JOINTS) for a in joint.dofs]).T)
 
 
 def angle_rows(angles: Array) -> list[dict[str, Any]]:

@@ -38,9 +38,8 @@ class FreeMeter:
         self._fingers: dict[str, tuple[Limb, AccumulatedInformation]] = {}
         self._flexion: list[Array] = []
         self._thread: threading.Thread | None = None
-        self._whole: tuple[
-            JointObservability, ...
-        ] = ()  # of the best stretch before the newest hole
+        # of the best stretch before the newest hole
+        self._whole: tuple[JointObservability, ...] = ()
         self.observed: tuple[JointObservability, ...] = ()
 
     @property

@@ -57,9 +57,8 @@ from handscope.app.live.wizard.transition_table import Action as Action
 from handscope.app.live.wizard.transition_table import State as State
 from handscope.estimators.messages.sentence import phrase
 
-LATE = (
-    0.3  # s after a calibration step until it is evaluated: the last strip's samples have arrived
-)
+# s after a calibration step until it is evaluated: the last strip's samples have arrived
+LATE = 0.3
 CALM = 0.3  # rad/s, no finger bends below: between two fingers of the check
 SETTLE = 1.2  # s after a request until calm counts: movement is averaged over a second
 SCORED = (Action.ACCEPT, Action.AGAIN, Action.ONWARD, Action.CLOSE)
@@ -286,9 +285,8 @@ def _enter(
     elif after in COUNTING and wizard.task:
         effects.append(CueTask(wizard.task))
     elif after in RUNNING:
-        late = (
-            status.now - wizard.since - (wizard.protocol.countdown if wizard.protocol else 0.0)
-        )  # a tick comes a little later
+        # a tick comes a little later
+        late = status.now - wizard.since - (wizard.protocol.countdown if wizard.protocol else 0.0)
         begins = status.t - late
         if before is State.RESUME_COUNTDOWN:  # the interrupted part is repeated, and counts once
             broken_off = wizard.end - (elapsed(wizard, wizard.end) - resumed_at(wizard))

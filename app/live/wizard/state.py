@@ -61,45 +61,37 @@ class Wizard:
 
     protocols: tuple[Protocol, ...]
     pose_duration: float
-    steps: tuple[
-        Protocol, ...
-    ] = ()  # of a functional calibration; empty where the method makes nothing of it
-    free: Protocol | None = (
-        None  # the free movement that the hand is calibrated from; None where the method makes nothing of it
-    )
+    # of a functional calibration; empty where the method makes nothing of it
+    steps: tuple[Protocol, ...] = ()
+    # the free movement that the hand is calibrated from; None where the method makes nothing of it
+    free: Protocol | None = None
     plan_title: str = ""  # of the assessment plan whose tasks come first
     state: State = State.CONNECT
     since: float = 0.0  # host's clock when the state began
     group: str = ROUTINE  # of the tasks that are listed
-    seen: tuple[
-        tuple[str, str], ...
-    ] = ()  # of the sensor check: the finger asked for, and whose strip moved ("" for none)
+    # of the sensor check: the finger asked for, and whose strip moved ("" for none)
+    seen: tuple[tuple[str, str], ...] = ()
     calm: bool = False  # since the last finger of the check
-    swapped: tuple[str, str] | None = (
-        None  # two fingers whose strips pose or movement show on each other's
-    )
+    # two fingers whose strips pose or movement show on each other's
+    swapped: tuple[str, str] | None = None
     mend: str = ""  # a correction of the sensors' readings that the checks propose
     task: str | None = None  # or step
     onset: float = 0.0  # recording time at which the pose, task or step began
     end: float = 0.0
-    pauses: tuple[
-        tuple[float, float], ...
-    ] = ()  # recording time (from, to) s within the trial that does not count
+    # recording time (from, to) s within the trial that does not count
+    pauses: tuple[tuple[float, float], ...] = ()
     still_since: float | None = None  # recording time
     passive: bool = False  # the therapist lays the hand into the pose
     calibrated: bool = False  # or somebody decided to go on without
     refusals: int = 0  # poses that could not be used, since the last one that could
     poor: int = 0  # joints of which the newest calibration is poor
     attempts: tuple[Attempt, ...] = ()
-    judged: tuple[
-        StepJudgement, ...
-    ] = ()  # steps of the calibration that goes on, the newest attempt of each
-    used: frozenset[str] = (
-        frozenset()
-    )  # steps that are in force, or will be from the next initial pose on
-    repetition: int = (
-        1  # of the pose that is taken: from 2 on the hand was lifted since the one before
-    )
+    # steps of the calibration that goes on, the newest attempt of each
+    judged: tuple[StepJudgement, ...] = ()
+    # steps that are in force, or will be from the next initial pose on
+    used: frozenset[str] = frozenset()
+    # of the pose that is taken: from 2 on the hand was lifted since the one before
+    repetition: int = 1
     closing: bool = False  # the next initial pose brings the steps into force
     rested_since: float = -inf  # host's clock when the newest trial ended
     message: str = ""  # the last thing that went wrong, for the person

@@ -115,9 +115,8 @@ def section(stored: Mapping[str, Any] | None, language: Language) -> dict[str, A
 
 def _summary(lengths: Mapping[str, Any], language: Language) -> str:
     """How well the lengths are known that movement told."""
-    between = [
-        entry for segment, entry in lengths.items() if not segment.endswith("distal")
-    ]  # two joints: a last phalanx has but one
+    # two joints: a last phalanx has but one
+    between = [entry for segment, entry in lengths.items() if not segment.endswith("distal")]
     known = [1e3 * float(entry["sd"]) for entry in between if "sd" in entry]
     if not known:
         return language.say("self_calibration.no_length")

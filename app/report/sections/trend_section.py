@@ -12,9 +12,8 @@ from handscope.app.report.units import reading
 from handscope.estimators.measures.figure import Figure
 from handscope.sessions.clinic.repeatability import Key, Values
 
-LEAST = (
-    3  # sessions before there is a course to look at; a change between two stands with the figures
-)
+# sessions before there is a course to look at; a change between two stands with the figures
+LEAST = 3
 SHOWN = 8
 CHART = (168.0, 62.0)  # pt
 ALWAYS = ("tapping_rate", "tapping_amplitude_mean")

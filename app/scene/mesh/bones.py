@@ -30,9 +30,8 @@ _BOUND_DEG = {  # flexion, deviation, pronation while the skin is bound: fingers
     "little_mcp": (12.0, 14.0, 0.0),
     "thumb_cmc": (22.0, -32.0, 60.0),
 }
-BOUND: Array = np.radians(
-    [_BOUND_DEG.get(joint.name, (0.0, 0.0, 0.0)) for joint in JOINTS]
-)  # (joints, 3)
+# (joints, 3)
+BOUND: Array = np.radians([_BOUND_DEG.get(joint.name, (0.0, 0.0, 0.0)) for joint in JOINTS])
 
 
 def chain(angles: Array, geometry: HandGeometry) -> tuple[Array, Array]:
@@ -91,6 +90,5 @@ def _bound_chain() -> Array:
     return np.stack([first, second, quat.multiply(second, q[:, 2])], axis=1)
 
 
-_BOUND_CHAIN = (
-    _bound_chain()
-)  # (5, 3, 4) orientations of the finger segments on the hand while the skin is bound
+# (5, 3, 4) orientations of the finger segments on the hand while the skin is bound
+_BOUND_CHAIN = _bound_chain()

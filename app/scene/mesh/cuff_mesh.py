@@ -27,9 +27,8 @@ def cuff(shape: PalmShape) -> SkinnedMesh:
     start = -FOREARM * shape.length + 0.8 * _WIDTH * shape.breadth
     along, over = (np.array(column) for column in zip(*_PROFILE))
     y = start - along * _WIDTH * shape.breadth
-    phi = (
-        -2 * np.pi * np.arange(_AROUND) / _AROUND
-    )  # towards the elbow: the other way round than a finger
+    # towards the elbow: the other way round than a finger
+    phi = -2 * np.pi * np.arange(_AROUND) / _AROUND
     depth, breadth = (
         half[:, None] + (over * _THICK * shape.breadth)[:, None]
         for half in shape.forearm_half_axes(y)

@@ -14,18 +14,11 @@ from handscope.estimators.hand.anatomy import CHAINS, FINGER_JOINTS
 from handscope.estimators.numerics.typing import Array
 
 AROUND = 24  # vertices in a ring
-LEAVES_PALM = {
-    "thumb": 0.80,
-    "index": 0.56,
-    "middle": 0.56,
-    "ring": 0.59,
-    "little": 0.62,
-}  # of the first segment
+# of the first segment
+LEAVES_PALM = {"thumb": 0.80, "index": 0.56, "middle": 0.56, "ring": 0.59, "little": 0.62}
 _BEND = 1.6  # of the half breadth: over which length the skin of a joint bends
-_BORDER, _OVER = (
-    (-2.5e-3, 0.0, 3e-3),
-    (-0.8e-3, 0.0, 0.25e-3),
-)  # m: it begins below the palm's skin and comes out of it on a clean line
+# m: it begins below the palm's skin and comes out of it on a clean line
+_BORDER, _OVER = (-2.5e-3, 0.0, 3e-3), (-0.8e-3, 0.0, 0.25e-3)
 
 
 def leaves_palm(finger: str, shape: FingerShape) -> float:

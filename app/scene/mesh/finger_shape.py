@@ -15,13 +15,8 @@ from handscope.estimators.hand.anatomy import CHAINS
 from handscope.estimators.hand.geometry import MCP_ULNAR, HandGeometry
 from handscope.estimators.numerics.typing import Array
 
-HALF_BREADTH = {
-    "thumb": 0.130,
-    "index": 0.116,
-    "middle": 0.119,
-    "ring": 0.112,
-    "little": 0.099,
-}  # of hand breadth, at PIP; thumb at IP
+# of hand breadth, at PIP; thumb at IP
+HALF_BREADTH = {"thumb": 0.130, "index": 0.116, "middle": 0.119, "ring": 0.112, "little": 0.099}
 SQUARENESS = 2.25  # exponent of the superellipse of a section: 2 is an ellipse
 
 # segment, share of its length, half breadth, dorsal and palmar half depth in units of the half breadth at the middle joint

@@ -38,9 +38,8 @@ class HandMesh:
     cuff: SkinnedMesh
     fingers: Mapping[str, SkinnedMesh]
     nails: Mapping[str, SkinnedMesh]
-    whole_fingers: Mapping[
-        str, SkinnedMesh
-    ]  # the fingers from their first joint, which lies in the palm
+    # the fingers from their first joint, which lies in the palm
+    whole_fingers: Mapping[str, SkinnedMesh]
     rest: Array  # (bones, 3) m, where the bones' joints are while bound
 
     def parts(self) -> dict[str, SkinnedMesh]:

@@ -9,19 +9,15 @@ from handscope.estimators.numerics.typing import Array
 
 _ROOT, _EDGE = 0.46, 0.985  # of the last segment, tissue included
 _HALF_ANGLE = np.radians(58.0)  # how far round the finger it reaches
-_LIFT, _FREE, _DEPTH = (
-    0.45e-3,
-    0.25e-3,
-    0.9e-3,
-)  # m: over the skin, free edge above that, below the skin
+# m: over the skin, free edge above that, below the skin
+_LIFT, _FREE, _DEPTH = 0.45e-3, 0.25e-3, 0.9e-3
 _DORSAL = np.array([1.0, 0.0, 0.0])
 
 
 def nail(shape: FingerShape) -> tuple[Array, Indices]:
     """Vertices (V, 3) and faces (F, 3) in the straight finger's coordinates."""
-    x, y = np.meshgrid(
-        np.linspace(-1, 1, 15), np.linspace(0, 1, 15)
-    )  # across, and from root to edge
+    # across, and from root to edge
+    x, y = np.meshgrid(np.linspace(-1, 1, 15), np.linspace(0, 1, 15))
     skin = shape.surface(_along(x, y, shape), np.pi / 2 + _half_angle(y) * x)
     top = (
         skin + (_LIFT * _arch(x, y) + _FREE * np.maximum((y - 0.7) / 0.3, 0.0))[..., None] * _DORSAL

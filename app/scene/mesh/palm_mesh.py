@@ -13,11 +13,8 @@ from handscope.estimators.numerics.typing import Array
 
 CELL = 0.030  # of hand breadth: 2.6 mm on an 85 mm hand
 _SMOOTHING = 6  # rounds of averaging neighbours' weights, about a cell each
-_MCP_BEND, _CMC_BEND, _WRIST_BEND = (
-    0.24,
-    0.26,
-    0.40,
-)  # of hand breadth: over which length the skin of a joint bends
+# of hand breadth: over which length the skin of a joint bends
+_MCP_BEND, _CMC_BEND, _WRIST_BEND = 0.24, 0.26, 0.40
 _WEB = 0.022  # of hand breadth: how sharply the web between two fingers is divided between them
 
 

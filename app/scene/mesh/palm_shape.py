@@ -26,12 +26,8 @@ from handscope.estimators.numerics.typing import Array
 FOREARM = 0.55  # of palm length: how much of the forearm is drawn
 _STUB = 6e-3  # m, the palm's surface reaches this far into a finger's mesh
 _BEGINS = 0.20  # of hand breadth, before a finger's first joint: there its surface begins, within the palm
-_MELT = {
-    "palm": 0.100,
-    "finger": 0.070,
-    "web": 0.11,
-    "stub": 0.045,
-}  # of hand breadth: distance below which bodies blend
+# of hand breadth: distance below which bodies blend
+_MELT = {"palm": 0.100, "finger": 0.070, "web": 0.11, "stub": 0.045}
 
 
 @dataclass(frozen=True)
@@ -155,9 +151,8 @@ class PalmShape:
         local = root.local(points)
         t, end = local[:, 1], self.ends[finger]
         begin = _BEGINS * self.breadth
-        upload_reader = np.sqrt(
-            np.clip(1.0 - np.minimum(t / begin, 0.0) ** 2, 0.05, 1.0)
-        )  # round where it begins, within the palm
+        # round where it begins, within the palm
+        upload_reader = np.sqrt(np.clip(1.0 - np.minimum(t / begin, 0.0) ** 2, 0.05, 1.0))
         breadth, dorsal, palmar = upload_reader * np.moveaxis(
             root.shape.section(np.clip(t, 0.0, end + _STUB)), -1, 0
         )

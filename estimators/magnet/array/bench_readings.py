@@ -61,9 +61,8 @@ class RotationCalibration:
     ellipsoids: tuple[EllipsoidCalibration, ...]
     is_mirrored: Bools  # (magnetometers,) axes are left-handed against the first one's
     q_bl: Array  # (magnetometers, 4) to the first one's axes
-    residual_rms: (
-        Array  # (magnetometers,) T, against the mean of all: calibration and room together
-    )
+    # (magnetometers,) T, against the mean of all: calibration and room together
+    residual_rms: Array
 
     @property
     def gains(self) -> Array:

@@ -51,9 +51,8 @@ class Localisation:
     place_sd: Array  # (n, 3) m
     moment_sd: Array  # (n, 3) A m^2
     residual_rms: Array  # (n,) RMS residual, T
-    misfit: (
-        Array  # (n,) the same in standard deviations, with errors of the magnetometers' positions
-    )
+    # (n,) the same in standard deviations, with errors of the magnetometers' positions
+    misfit: Array
     contradicts_size: Bools  # (n,) beyond three standard deviations from the declared size
     is_located: Bools  # (n,) misfit below `max_misfit`, sd below `max_sd`
 

@@ -214,9 +214,8 @@ def _inflate_by_residuals(
     residual = float(
         np.sqrt((localisation.misfit[localisation.is_located] ** 2 * axes).sum() / spare.sum())
     )
-    scale = np.maximum(1.0, residual / np.maximum(1.0, localisation.misfit))[
-        :, None
-    ]  # a larger residual is counted already
+    # a larger residual is counted already
+    scale = np.maximum(1.0, residual / np.maximum(1.0, localisation.misfit))[:, None]
     return _with_sds(
         search, localisation, scale * localisation.place_sd, scale * localisation.moment_sd
     )
@@ -259,9 +258,8 @@ def _remove_systematic_errors(
                 problem, x_part, systematic, np.searchsorted(calibrated, chips), len(calibrated)
             )
             near = np.linalg.norm(x_part[:, None, :3] - problem.places, axis=-1).min(axis=1)
-            curvature = (shift[:, :3] ** 2).sum(
-                axis=1
-            ) / near  # second-order error of the correction
+            # second-order error of the correction
+            curvature = (shift[:, :3] ** 2).sum(axis=1) / near
             x[part], sd[part] = (
                 x_part - shift,
                 np.sqrt(variance[:, :6] + np.outer(curvature**2, np.repeat([1.0, 0.0], 3))),

@@ -158,9 +158,8 @@ def _error_jacobian(problem: DipoleFitProblem, x: Array, rows: int) -> Array:
         np.eye(many)[:, None, :, None],
     )
     offsets = np.broadcast_to(own * np.eye(3)[:, None, :], (n, many, 3, many, 3))
-    field = x[:, None, PER_MAGNET:] + dipole.field(
-        r, m
-    )  # not as read: gains must not explain the noise
+    # not as read: gains must not explain the noise
+    field = x[:, None, PER_MAGNET:] + dipole.field(r, m)
     gains = np.einsum("lk,ij,nla->nlikja", np.eye(many), np.eye(3), field)
     places = own * -dipole.field_gradient(r, m)[:, :, :, None]
     slopes = np.broadcast_to(gradient_fields(problem.places), (n, many, 3, GRADIENT_TERMS))

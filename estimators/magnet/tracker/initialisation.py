@@ -38,9 +38,8 @@ class Setup:
     magnet: Magnet
     earth: float  # T, strength of the field in which the magnetometers were calibrated
     dip: float | None = None  # rad below the horizon, if it is known
-    centre: Array | None = (
-        None  # (3,) m, middle of the workspace, base frame; None: the array's middle
-    )
+    # (3,) m, middle of the workspace, base frame; None: the array's middle
+    centre: Array | None = None
     q_bt: Array | None = None  # (4,) orientation of the hand at the start, if it is known
 
 
@@ -164,9 +163,8 @@ def _locate_magnet(
         localisation = locate(
             mag[None], setup.array, None, setup.magnet.size, noise, params.reach, 0.03
         )
-        sure = bool(
-            localisation.is_located[0] and localisation.residual_rms[0] < noise
-        )  # all errors counted: a true position leaves less 98 times of 100
+        # all errors counted: a true position leaves less 98 times of 100
+        sure = bool(localisation.is_located[0] and localisation.residual_rms[0] < noise)
     return (localisation.place[0], localisation.moment[0], localisation.field[0]) if sure else None
 
 

@@ -22,9 +22,8 @@ def load_without_translator() -> None:
     Cache.load_overload = _load_overload
     JITCodeLibrary._unserialize = staticmethod(_unserialize)
     replaced = environment._rebuild_env
-    _rebuild_environment.__module__ = (
-        replaced.__module__
-    )  # kept code names it: as numba alone would
+    # kept code names it: as numba alone would
+    _rebuild_environment.__module__ = replaced.__module__
     _rebuild_environment.__qualname__ = _rebuild_environment.__name__ = replaced.__name__
     environment._rebuild_env = _rebuild_environment
 

@@ -114,9 +114,8 @@ def extend_window(window: Window, fresh: Readings) -> Window:
     """The window with as many samples more as `fresh` has; where they are oriented is what gyroscopes say."""
     m, problem = len(fresh), window.problem
     both = _join_readings(window.tail, fresh)
-    piece = build_problem(
-        problem.chain, problem.noise, both, problem.start, "left", {}
-    )  # what depends on hand and mounting is known already
+    # what depends on hand and mounting is known already
+    piece = build_problem(problem.chain, problem.noise, both, problem.start, "left", {})
     new, between = slice(SHARED, SHARED + m), slice(SHARED - 1, SHARED - 1 + m)
     grown = replace(
         problem,

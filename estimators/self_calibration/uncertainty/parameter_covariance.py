@@ -103,9 +103,8 @@ def without_noise(covariance: Array, spurious: Array, before: Array, arms: Array
     eigenvalues, directions = np.linalg.eigh(0.5 * (off + off.T))
     spread = np.linalg.solve(root.T, directions / np.sqrt(1 + np.maximum(eigenvalues, 0.0)))
     pulled = NOISE_KNOWN * arms @ spurious @ covariance
-    pulled /= np.maximum(
-        1.0, np.linalg.norm(pulled @ root, axis=1, keepdims=True)
-    )  # what was known before holds against noise, too
+    # what was known before holds against noise, too
+    pulled /= np.maximum(1.0, np.linalg.norm(pulled @ root, axis=1, keepdims=True))
     return np.asarray(spread @ spread.T + pulled.T @ pulled)
 
 

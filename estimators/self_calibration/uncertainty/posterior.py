@@ -26,12 +26,8 @@ from handscope.estimators.self_calibration.problem import (
 from handscope.estimators.self_calibration.residuals import NUMEROV
 
 CHUNK = 1024  # samples whose derivatives are in memory at once
-LEAST_ACC, LEAST_HINGE, LEAST_TURN, LEAST_SLIDE = (
-    0.005,
-    0.1,
-    0.02,
-    0.01,
-)  # m/s^2, deg, deg, mm: of the best sensors on a printed finger
+# m/s^2, deg, deg, mm: of the best sensors on a printed finger
+LEAST_ACC, LEAST_HINGE, LEAST_TURN, LEAST_SLIDE = 0.005, 0.1, 0.02, 0.01
 LEAST_SCALE, LEAST_LAW = 1e-4, 0.02
 SETTLING = 50  # times that a spread is estimated anew
 
@@ -170,9 +166,8 @@ def acceleration_deviations(problem: Problem, at: Unknowns) -> Array:
         white = residuals.joint_acceleration_residuals(problem, at, start, stop).reshape(
             stop - start, a.shape[0], 3
         )
-        seen = (
-            residuals.whitening_matrix(problem, start, stop) @ a
-        )  # what a sensor's error does to the whitened rows
+        # what a sensor's error does to the whitened rows
+        seen = residuals.whitening_matrix(problem, start, stop) @ a
         deviation = np.einsum("tjs,tjx->tsx", seen, white)
         z[start:stop] = np.linalg.norm(deviation, axis=2) / np.sqrt(
             3 * (seen**2).sum(axis=1) + 1e-300

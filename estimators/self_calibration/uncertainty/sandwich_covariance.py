@@ -28,9 +28,8 @@ from handscope.estimators.self_calibration.whole_hand.problem import HandPlace, 
 
 TOGETHER = 0.5  # s: what is off stays so for about 0.2 s, as long as a finger bends one way
 GROUPS = 16  # whose pulls are in memory at once
-Placed = tuple[
-    Terms, Indices, Indices
-]  # residuals, where a sample's unknowns and the parameters that they touch stand in the whole's
+# residuals, where a sample's unknowns and the parameters that they touch stand in the whole's
+Placed = tuple[Terms, Indices, Indices]
 
 
 def widen_covariance(corrected: Array, pulls: Array, covariance: Array) -> Array:

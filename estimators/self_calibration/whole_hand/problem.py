@@ -45,9 +45,8 @@ class HandProblem:
 class HandPlace:
     """Unknowns of the whole hand at one point of the iteration."""
 
-    limbs: tuple[
-        Unknowns, ...
-    ]  # the hand's orientations and errors and the delay are the same in all
+    # the hand's orientations and errors and the delay are the same in all
+    limbs: tuple[Unknowns, ...]
     error: Array  # (n, 3) m/s^2, of the hand's accelerometer as joints see it, in the global frame
     skin_turn: Array  # (F, 3) rad/rad, how far the hand's sensor turns with each limb's joint on the hand, in its frame
     skin_slide: Array  # (F, 3) m/rad, how far it slides

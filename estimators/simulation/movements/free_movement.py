@@ -22,10 +22,8 @@ from handscope.estimators.simulation.sensors import SensorErrors
 RESTING = 1.5  # s on the table at either end
 STEP = 0.12  # s between the knots of the movement
 PULLS = 0.8  # Hz, at which fingers bend and stretch on average
-BENT, ASIDE = (
-    (0.7, 70.0),
-    (0.6, 10.0),
-)  # share of what a joint permits, deg at most: flexion from straight, other angles to both sides
+# share of what a joint permits, deg at most: flexion from straight, other angles to both sides
+BENT, ASIDE = (0.7, 70.0), (0.6, 10.0)
 CARRIED = {
     "wrist_x": 0.10,
     "wrist_y": 0.10,

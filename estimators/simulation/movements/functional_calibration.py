@@ -114,9 +114,8 @@ def figure_eight(
         ("wrist_z", 0.06, np.sin(2 * phase)),
     ):
         x[:, COORDINATES[name]] += extent * turn
-    x[:, 6:] += np.radians(0.5 * care.joints) * _swaying_joints(
-        t, rng
-    )  # pressed against the other hand they sway less
+    # pressed against the other hand they sway less
+    x[:, 6:] += np.radians(0.5 * care.joints) * _swaying_joints(t, rng)
     return _step("figure_eight", t, x, {})
 
 

@@ -71,9 +71,8 @@ def circling(
     """Abduction and flexion in quadrature: the tip goes round; the thumb goes round to opposition and back."""
     n, period = int(rng.integers(10, 16)), rng.uniform(2.8, 3.2)
     t, phase = _phase(n, period)
-    size = 1.0 - 0.1 * (1 - np.cos(phase / (0.5 * n))) * rng.uniform(
-        0.5, 1.0
-    )  # varies slowly, by up to a fifth
+    # varies slowly, by up to a fifth
+    size = 1.0 - 0.1 * (1 - np.cos(phase / (0.5 * n))) * rng.uniform(0.5, 1.0)
     bend, swing = 0.5 * (1 - np.cos(phase)) * size, np.sin(phase) * size
     x = np.tile(flat(), (len(t), 1))
     if finger == "thumb":
@@ -194,9 +193,8 @@ def _phase(turns: int, period: float) -> tuple[Array, Array]:
     end = turns * period + lead  # the ramps cost half of each
     t = np.linspace(0.0, end, int(end * RATE) + 1)
     s = np.clip(np.minimum(t, end - t) / lead, 0.0, 1.0)
-    ramp = lead * (
-        s**4 * (2.5 - s * (3.0 - s))
-    )  # integral of the smooth step 10 s^3 - 15 s^4 + 6 s^5
+    # integral of the smooth step 10 s^3 - 15 s^4 + 6 s^5
+    ramp = lead * (s**4 * (2.5 - s * (3.0 - s)))
     turned = np.where(
         t <= end / 2,
         ramp + np.maximum(t - lead, 0.0),

@@ -32,10 +32,8 @@ from handscope.estimators.simulation.movements.task_performance import (
 from handscope.estimators.simulation.movements.whole_hand import smooth
 
 DORSAL = (0.010, 0.008)  # m, of a marker above the proximal and the distal bone; ours
-CARRIED, ROWS = (
-    np.array([[1, 2], *[[0, 2]] * 4]),
-    np.arange(5)[:, None],
-)  # markers sit on the proximal and the distal phalanx of each chain
+# markers sit on the proximal and the distal phalanx of each chain
+CARRIED, ROWS = np.array([[1, 2], *[[0, 2]] * 4]), np.arange(5)[:, None]
 DIP_PER_PIP = 0.6
 TOLERANCE = 0.005  # m, what a marker may be off by: soft tissue and glove; ours
 PULL = 0.01  # m of misfit that a radian away from the relaxed posture costs: keeps what the markers do not tell natural
@@ -158,9 +156,8 @@ def _first_guess(few: Markers, hand: Hand) -> _MarkerPlacement:
     ulnar = across - (across @ distal) * distal
     ulnar /= np.linalg.norm(ulnar)
     sign = side_sign(hand)
-    dorsal = (
-        sign * np.cross(distal, ulnar)
-    )  # x dorsal, y distal, z ulnar are right-handed on the left hand; all three turned on the right
+    # x dorsal, y distal, z ulnar are right-handed on the left hand; all three turned on the right
+    dorsal = sign * np.cross(distal, ulnar)
     R_CH = sign * np.column_stack([dorsal, distal, ulnar])
     geometry = sized(hand, HandMeasures(hand_length=MEAN_HAND_LENGTH))
     middle = sign * np.array([0.02, 0.6 * geometry.palm_length, 0.0])
@@ -281,9 +278,8 @@ def _with_arm(x: Array, markers: Markers, placed: _MarkerPlacement) -> Array:
     vx, vy, vz = np.moveaxis(quat.rotate(quat.conjugate(q_GH), along), -1, 0)
     bent = np.stack([np.arcsin(np.clip(vx, -1, 1)), np.arctan2(-vz, vy), np.zeros(len(x))], axis=-1)
     mean = np.nanmean(sign * along, axis=0)
-    north = quat.about(
-        2, np.arctan2(mean[0], mean[1])
-    )  # turns the mean forearm to the global y axis
+    # turns the mean forearm to the global y axis
+    north = quat.about(2, np.arctan2(mean[0], mean[1]))
     q_GF = quat.multiply(north, quat.multiply(q_GH, quat.conjugate(joint_angles.compose(bent))))
     base = quat.from_matrix(base_orientation(placed.geometry.hand))
     out = x.copy()

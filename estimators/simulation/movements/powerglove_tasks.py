@@ -34,9 +34,8 @@ class Movement:
     half: float = SLOW  # s for either way, the stay at its end included
     move: float = SLOW  # s of it that are movement
     repetitions: int = 10
-    phases: tuple[str, str] | None = (
-        None  # what each half is called in the events, where they are to be distinguished
-    )
+    # what each half is called in the events, where they are to be distinguished
+    phases: tuple[str, str] | None = None
 
 
 def bending(fingers: tuple[str, ...], joints: str, **pace: float) -> Movement:

@@ -42,11 +42,9 @@ from handscope.estimators.simulation.movements.powerglove_tasks import (
     circles,
 )
 
-POSE_THUMB = (
-    0.0,
-    -45.0,
-    60.0,
-)  # deg: the thumb of the flat pose, spread 45 deg to the side; turned 60 against the fingers (80 in opposition: Cooney 1981)
+# deg: the thumb of the flat pose, spread 45 deg to the side; turned 60 against the fingers (80 in
+# opposition: Cooney 1981)
+POSE_THUMB = 0.0, -45.0, 60.0
 
 
 @dataclass(frozen=True)
@@ -55,9 +53,8 @@ class Performance:
 
     motion: Motion
     events: tuple[Event, ...]
-    forces: Callable[[Kinematics], Array] | None = (
-        None  # (n, 5, 3) N, of the fingers on what they hold, at instants of the motion
-    )
+    # (n, 5, 3) N, of the fingers on what they hold, at instants of the motion
+    forces: Callable[[Kinematics], Array] | None = None
 
 
 def relaxed() -> Array:

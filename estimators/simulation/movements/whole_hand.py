@@ -30,9 +30,8 @@ def moving(t: Array, rng: np.random.Generator, hand: Hand) -> Array:
         size = extent if name in ("wrist_x", "wrist_y", "wrist_z") else np.radians(extent)
         x[:, COORDINATES[name]] = size * gently(t) * swaying(t, rng)
     x[:, COORDINATES["wrist_z"]] += LIFTED * gently(t)
-    x[:, COORDINATES["wrist_x"]] *= side_sign(
-        hand
-    )  # to the left with the left hand is to the right with the right one
+    # to the left with the left hand is to the right with the right one
+    x[:, COORDINATES["wrist_x"]] *= side_sign(hand)
     return x
 
 

@@ -34,10 +34,8 @@ class Cuffs:
     offset: float = 0.2  # N
     walk: float = 0.02  # N/sqrt(s) of the offset
     noise: float = 0.05  # N
-    gain: tuple[float, float] = (
-        1.0,
-        1.0,
-    )  # of thumb and index finger, changed since the calibration
+    # of thumb and index finger, changed since the calibration
+    gain: tuple[float, float] = 1.0, 1.0
     jump: float = 0.0  # N of the thumb's zero while the object is held
     limit: float = 30.0  # N, not told
     soft: float = 0.0  # N, at which they saturate; 0: do not
@@ -104,9 +102,8 @@ def on_the_bench(sensor: Sensor, finger: str, rng: np.random.Generator) -> str:
         [sign * np.eye(3)[axis] for axis in range(3) for sign in (1.0, -1.0)],
     )
     for mass, down in [(0.0, downs[0]), *((mass, down) for mass in WEIGHTS for down in downs)]:
-        hung = Rotation.from_rotvec(np.radians(3.0) * rng.normal(size=3)).apply(
-            down
-        )  # nobody holds it straight
+        # nobody holds it straight
+        hung = Rotation.from_rotvec(np.radians(3.0) * rng.normal(size=3)).apply(down)
         acc = -GRAVITY * sensor.turned.apply(hung) + bias + 0.01 * rng.normal(size=3)
         feels = sensor.matrix @ (-mass * GRAVITY * hung) + sensor.offset + 0.01 * rng.normal(size=3)
         rows.append(",".join(f"{value:.6g}" for value in [1e3 * mass, *acc, *(feels / COUNT)]))

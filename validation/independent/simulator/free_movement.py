@@ -52,19 +52,14 @@ SHARED = 0.4  # of that under the hand's sensor for each finger, where several m
 GYR_BIAS, ACC_BIAS = 0.8 * DEG, 0.12  # rad/s, m/s^2, standard deviations of an axis
 GYR_NOISE, ACC_NOISE = 0.007 * DEG, 150e-6 * GRAVITY  # white, a square root of a Hz
 SCALE = 0.003  # of scales and of what axes see of each other
-FOREARM_RATE, FOREARM_LATE = (
-    100.0,
-    0.0037,
-)  # Hz, s: the forearm's strip has a rate and instants of its own
+# Hz, s: the forearm's strip has a rate and instants of its own
+FOREARM_RATE, FOREARM_LATE = 100.0, 0.0037
 SHORT = 1.5e-3  # s between the instants of which differences are taken
-FIRST = np.array([-1, 9, -45, 0, 45, -9, 1]) / (
-    60 * SHORT
-)  # central differences of the sixth order
+# central differences of the sixth order
+FIRST = np.array([-1, 9, -45, 0, 45, -9, 1]) / (60 * SHORT)
 SECOND = np.array([2, -27, 270, -490, 270, -27, 2]) / (180 * SHORT**2)
-LAG, LAG_RATE = (
-    9.0 * DEG,
-    60.0 * DEG,
-)  # rad of bending by which skin is behind, rad/s at which it is so almost wholly
+# rad of bending by which skin is behind, rad/s at which it is so almost wholly
+LAG, LAG_RATE = 9.0 * DEG, 60.0 * DEG
 POSED, BEGUN = 4.0, 6.0  # s, until when an initial pose is held, from when the movement is free
 LATEST = 4e-3  # s, the largest scatter of a stamp
 

@@ -23,14 +23,11 @@ SEGMENTS = (
     "index_distal",
 )
 LENGTHS = dict(zip(SEGMENTS[1:], (0.046, 0.033, 0.026, 0.044, 0.0245, 0.019)))
-THUMB_BASE, KNUCKLE = (
-    np.array([-0.010, 0.024, -0.030]),
-    np.array([0.0, 0.090, -0.026]),
-)  # of a left hand
+# of a left hand
+THUMB_BASE, KNUCKLE = np.array([-0.010, 0.024, -0.030]), np.array([0.0, 0.090, -0.026])
 PALM = 0.095
-GRASP = np.radians(
-    [40, -34, 72, 14, 14, 28, 6, 26, 16.0]
-)  # CMC z x y, MCP, IP of the thumb; MCP z x, PIP, DIP of the index finger
+# CMC z x y, MCP, IP of the thumb; MCP z x, PIP, DIP of the index finger
+GRASP = np.radians([40, -34, 72, 14, 14, 28, 6, 26, 16.0])
 LEAST = np.radians([5, -60, 30, -8, -12, -5, -15, 2, 0.0])
 MOST = np.radians([65, -2, 105, 55, 60, 80, 15, 95, 65.0])
 KNOTS = 9

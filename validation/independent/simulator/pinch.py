@@ -18,10 +18,8 @@ RATE, GRAVITY = 1000.0, 9.81
 INERTIAL = 100.0  # Hz
 REACH, BEGUN = 7.0, 0.35  # s: when the pads touch, and how long until they hold
 TIMES, PERIOD = 8, 1.2  # squeezes and s of each
-MISSED, MISALIGNMENT_DEG = (
-    2.5,
-    6.0,
-)  # deg: of the initial pose in every freedom, of the sensors on their segments
+# deg: of the initial pose in every freedom, of the sensors on their segments
+MISSED, MISALIGNMENT_DEG = 2.5, 6.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,9 +30,8 @@ class Held:
     stiffness: float = 600.0  # N/m
     damping: float = 0.0  # N s/m
     bend: float = 0.0  # share by which the stiffness changes from none to all of the way
-    third: float = (
-        0.0  # share of forces that a third finger takes from the index finger and the load
-    )
+    # share of forces that a third finger takes from the index finger and the load
+    third: float = 0.0
     slips: bool = False
     support: float = 0.0  # N with which something not measured pushes up while it is lifted
 
@@ -47,9 +44,8 @@ class Pinch:
     hand: Hand
     t: Values  # (n,) s
     forces: Values  # (n, 2, 3) N of thumb and index finger
-    q: list[
-        Rotation
-    ]  # of inertial sensors on the last phalanges, thumb and index finger: sensor to ground, (n,) each
+    # of inertial sensors on the last phalanges, thumb and index finger: sensor to ground, (n,) each
+    q: list[Rotation]
     rows: Rows  # of t at which inertial sensors tell
     inertial: Values  # (m, sensors, 6) rad/s and m/s^2
     task: tuple[float, float]  # s: onset and end

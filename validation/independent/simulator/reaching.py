@@ -20,46 +20,32 @@ FINE = 1000.0  # Hz of the motion
 STILL = 5.0  # s at the start, the hand flat and at rest
 G = 9.81  # m/s^2
 MU0 = 4e-7 * np.pi
-UPRIGHT = Rotation.from_matrix(
-    [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]
-)  # breastbone to room
-PALM_DOWN = Rotation.from_matrix(
-    [[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]
-)  # left hand to room, fingers forward
+# breastbone to room
+UPRIGHT = Rotation.from_matrix([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+# left hand to room, fingers forward
+PALM_DOWN = Rotation.from_matrix([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 RADIUS, LENGTH, REMANENCE = 0.004, 0.008, 1.2  # m, m, T: a rod of neodymium of 8 mm by 8 mm
 MOMENT = REMANENCE / MU0 * np.pi * RADIUS**2 * LENGTH  # A m^2
-PLATE = np.array(
-    [[0.0, 0.0, 0.004], [0.085, 0.01, 0.0], [-0.04, 0.06, 0.012], [0.05, 0.095, 0.0]]
-)  # m, breastbone's sensor
+# m, breastbone's sensor
+PLATE = np.array([[0.0, 0.0, 0.004], [0.085, 0.01, 0.0], [-0.04, 0.06, 0.012], [0.05, 0.095, 0.0]])
 ON_HAND = np.array([0.008, 0.02, 0.0])  # m of the magnet from the hand's sensor
-EARTH = 48e-6 * np.array(
-    [0.0, np.cos(np.radians(64.0)), -np.sin(np.radians(64.0))]
-)  # T in the room
-GRADIENT = (
-    2.3e-6  # T/m, root mean square of the components' slopes: BROAD's laboratory (decision 0011)
-)
+# T in the room
+EARTH = 48e-6 * np.array([0.0, np.cos(np.radians(64.0)), -np.sin(np.radians(64.0))])
+# T/m, root mean square of the components' slopes: BROAD's laboratory (decision 0011)
+GRADIENT = 2.3e-6
 RATE, MAG_RATE = 100.0, 75.0  # Hz
-TRUNK_PHASE, MAG_PHASE = (
-    0.004,
-    0.007,
-)  # s by which the trunk's samples and the magnetometers' come after the hand's
+# s by which the trunk's samples and the magnetometers' come after the hand's
+TRUNK_PHASE, MAG_PHASE = 0.004, 0.007
 LATEST = 0.010  # s: a magnetometer has measured before it is read and stamped
 BIAS_GYR, BIAS_ACC = np.radians(0.3), 0.05  # rad/s, m/s^2
 SCALE, MISALIGNMENT = 0.003, np.radians(0.2)  # of the inertial sensors' axes
 NOISE_GYR, NOISE_ACC = np.radians(0.007), 180e-6 * G  # a root hertz
 STEP_GYR, STEP_ACC = np.radians(2000.0) / 2**15, 8 * G / 2**15
 NOISE_MAG, STEP_MAG, LIMIT_MAG = 0.35e-6, 0.0146e-6, 400e-6  # T
-HARD, SOFT, TURNED, BESIDE = (
-    30e-6,
-    0.04,
-    np.radians(1.0),
-    np.radians(0.2),
-)  # T, 1, rad of a magnetometer on the plate, of the first against the inertial sensor
-RULER, ANGLE, GRADE = (
-    0.001,
-    np.radians(1.0),
-    0.01,
-)  # m, rad, share: how well somebody tells places, the moment's direction and its size
+# T, 1, rad of a magnetometer on the plate, of the first against the inertial sensor
+HARD, SOFT, TURNED, BESIDE = 30e-6, 0.04, np.radians(1.0), np.radians(0.2)
+# m, rad, share: how well somebody tells places, the moment's direction and its size
+RULER, ANGLE, GRADE = 0.001, np.radians(1.0), 0.01
 LOOPS = np.polynomial.legendre.leggauss(4)
 
 
@@ -84,9 +70,8 @@ class Motion:
 class Worn:
     """Sensors and magnet of one person as they are, and as they were told."""
 
-    imu: tuple[
-        tuple[Array, Array], ...
-    ]  # of trunk's and hand's gyroscope, then accelerometers: matrix (3, 3), bias (3,)
+    # of trunk's and hand's gyroscope, then accelerometers: matrix (3, 3), bias (3,)
+    imu: tuple[tuple[Array, Array], ...]
     places: Array  # (magnetometers, 3) m
     iron: Array  # (magnetometers, 3, 3), turned axes in it
     hard: Array  # (magnetometers, 3) T
@@ -273,11 +258,8 @@ def leaning(rng: np.random.Generator, t: Array) -> tuple[Array, Array]:
     p, angles = breathing(rng, t)
     yaw, pitch, roll = moves(rng, t, 3, 1.0, (1.5, 3.0), 0.5).T
     turned = np.column_stack([np.radians(12) * pitch, np.radians(30) * yaw, np.radians(6) * roll])
-    hips = Rotation.from_euler("XYZ", turned).apply([0.0, -0.35, 0.0]) - [
-        0.0,
-        -0.35,
-        0.0,
-    ]  # the breastbone above the hips, sensor's axes
+    # the breastbone above the hips, sensor's axes
+    hips = Rotation.from_euler("XYZ", turned).apply([0.0, -0.35, 0.0]) - [0.0, -0.35, 0.0]
     return p + UPRIGHT.apply(hips), angles + turned
 
 
@@ -371,9 +353,8 @@ def moving(name: str, rng: np.random.Generator, seconds: float = 60.0) -> Motion
     t = np.arange(0.0, seconds, 1 / FINE)
     place, angles = TRUNKS[name](rng, t)
     R_b = UPRIGHT * Rotation.from_euler("XYZ", angles)
-    carried = (
-        place - place[0] if name == "reaches, stepping" else np.zeros_like(place)
-    )  # the arm goes with the body
+    # the arm goes with the body
+    carried = place - place[0] if name == "reaches, stepping" else np.zeros_like(place)
     hand, turned = HANDS.get(name, reaching)(
         rng, t, lambda s: ((place - carried)[int(s * FINE)], R_b[int(s * FINE)])
     )

@@ -139,9 +139,8 @@ def _packet(kind: int, body: bytes) -> Iterator[Packet]:
 
 
 def _handshake(body: bytes) -> Handshake:
-    size = (
-        body[28] if len(body) > 28 else 0
-    )  # behind seven words: board, sensor, chip, three, version
+    # behind seven words: board, sensor, chip, three, version
+    size = body[28] if len(body) > 28 else 0
     firmware = body[29 : 29 + size].split(b"\0")[0].decode("ascii", "replace")
     mac = body[29 + size : 35 + size]
     return Handshake(":".join(f"{b:02X}" for b in mac) if len(mac) == 6 else "", firmware)
