@@ -75,10 +75,12 @@ class Language:
         """A text of the demonstration's simulated patients (app/example_patients); what a person wrote comes back as it is."""
         return self.known(f"example.{text}", text)
 
-    def counted(self, key: str, count: int) -> str:
+    def counted(self, key: str, count: int, **facts: str) -> str:
         """ "1 session", "3 sessions": the words `key.one`, `key.few`, ... by the locale's plural rules; `key.other` where one is not there."""
         form = f"{key}.{self.locale.plural_form(count)}"
-        return self.say(form if form in self.words else f"{key}.other", count=self.number(count))
+        return self.say(
+            form if form in self.words else f"{key}.other", count=self.number(count), **facts
+        )
 
     def number(self, value: float, decimals: int = 0) -> str:
         form = f"#,##0.{'0' * decimals}" if decimals else "#,##0"
@@ -89,7 +91,7 @@ class Language:
         return format_date(self._local(moment), "long", self.locale)
 
     def short_day(self, moment: datetime) -> str:
-        return format_date(self._local(moment), "short", self.locale)
+        return format_date(self._local(moment), "medium", self.locale)
 
     def hour(self, moment: datetime) -> str:
         """ "10:12": the hour where the reader is; "10:12 CET": where the server stands, as in a document that anybody may read."""

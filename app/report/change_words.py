@@ -8,6 +8,7 @@ from typing import Literal
 from handscope.app.language import Language
 from handscope.app.report.changes import Change, Changes
 from handscope.app.report.content import Task
+from handscope.app.report.progress.labels import label
 from handscope.app.report.sections.range_rows import RangeRow
 from handscope.app.report.units import DEG, with_unit
 from handscope.app.report.words import (
@@ -110,6 +111,18 @@ def level_words(change: Change, language: Language) -> str:
     return _words(change, 1, language, LEVEL)
 
 
+def size_words(c: Change, language: Language) -> str:
+    """A change of a size alone: "0.40 per s higher"."""
+    return _which(c, 1, language, LEVEL)[0]
+
+
+def named_change(c: Change, language: Language) -> str:
+    """A figure and its change: "Index PIP, flexion 8° more"."""
+    end = c.name.rpartition("_")[2] if c.measure == "range_of_motion" else ""
+    sign, more = (-1 if end == "min" else 1), (MORE if end in ("min", "max") else LEVEL)
+    return f"{label(c.name, language)} {_which(c, sign, language, more)[0]}"
+
+
 def value_words(name: str, value: float, unit: str, language: Language) -> str:
     """A value without a bare sign: of an angle the direction stands in the figure's name, of anything else below zero it is said."""
     joint, _, end = name.rpartition("_flexion_")
@@ -121,7 +134,10 @@ def value_words(name: str, value: float, unit: str, language: Language) -> str:
             else flexion_words(rad, language)
         )
     size, is_angle = amount(abs(value), name, unit, language), name.rpartition("_")[0] in DOF_NAMES
-    return size if value >= 0 or is_angle else language.say("progress.below_zero", size=size)
+    is_nothing = size == amount(0.0, name, unit, language)
+    if value >= 0 or is_angle or is_nothing:
+        return size
+    return language.say("progress.below_zero", size=size)
 
 
 def amount(value: float, name: str, unit: str, language: Language) -> str:
@@ -155,7 +171,11 @@ def _paragraph(
     )
     inside = [s for s in worded if s.change.mdc95 is not None and not s.change.beyond]
     if len(inside) > LISTED:
-        within = language.say("changes.all_others" if beyond else "changes.all", count=len(inside))
+        within = (
+            language.counted("changes.all_others", len(inside))
+            if beyond
+            else language.say("changes.all", count=len(inside))
+        )
     listed = sum(len(all_) for group in groups.values() for all_ in group.values())
     return " ".join(
         [

@@ -19,6 +19,7 @@ from handscope.app.report.content import (
 )
 from handscope.app.report.progress.labels import label
 from handscope.app.report.sections.both_hands import both_hands_section
+from handscope.app.report.sections.key_figures import key_figures
 from handscope.app.report.sections.measure_plots import draw_panels
 from handscope.app.report.sections.other_measures import other_measures
 from handscope.app.report.sections.range_rows import asks_full_range, by_task
@@ -57,6 +58,7 @@ def words_of(content: Content, language: Language) -> Page:
         "protocol": _protocol(content, language),
         "tag": say("notice.short"),
         "notice": say("notice"),
+        "key_figures": key_figures(content, language),
         "summary": summary(content, language),
         "ranges": [range_section(content, trials, language) for trials in ([main] if main else [])],
         "tapping": [
@@ -203,7 +205,7 @@ def _warnings(content: Content, language: Language) -> list[str]:
     """The first WARNINGS and how many there are beyond."""
     more = len(content.warnings) - WARNINGS
     sentences = [language.translate(w) for w in content.warnings[:WARNINGS]]
-    return [*sentences, *([language.say("warnings.more", count=more)] if more > 0 else [])]
+    return [*sentences, *([language.counted("warnings.more", more)] if more > 0 else [])]
 
 
 def _calibration(calibrations: Sequence[CalibrationFacts], language: Language) -> Page:

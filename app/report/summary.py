@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from handscope.app.language import Language
+from handscope.app.report.change_words import named_change
 from handscope.app.report.changes import Changes
 from handscope.app.report.content import Content, Task
 from handscope.app.report.references import Edition
@@ -24,6 +25,7 @@ from handscope.estimators.measures.figure import Figure
 
 WHOLE = "whole recording"  # the task's name where a recording names none (estimators/measures/assessment.py)
 NAMED = 5  # joints or tasks at most that a sentence names
+CHANGED = 3  # changed figures at most that it names
 LEAST_VOLUME = 1e-4  # m^3 of the places reached, below which a sentence says nothing: a reach to and fro on one line spans none
 LEAST_FORWARD = 0.005  # m; a smaller one back is told as none forward
 
@@ -144,7 +146,7 @@ def _gaps(gaps: Sequence[Lacking], language: Language) -> str:
 
 
 def _more(count: int, language: Language) -> list[str]:
-    return [language.say("summary.more", count=count - NAMED)] if count > NAMED else []
+    return [language.counted("summary.more", count - NAMED)] if count > NAMED else []
 
 
 def _tapping(content: Content, language: Language) -> list[str]:
@@ -282,10 +284,17 @@ def _mean(trials: Sequence[Task], name: str) -> float:
 
 
 def _changes(found: Changes, language: Language) -> str:
+    """How many figures changed by more than measurement error, and which most."""
     judged = [c for c in found.each if c.mdc95 is not None]
     beyond = [c for c in judged if c.beyond]
-    facts = {"day": language.day(found.since), "all": len(judged), "count": len(beyond)}
-    return language.say("summary.changed" if beyond else "summary.unchanged", **facts)
+    day, all_ = language.day(found.since), f"{len(judged)}"
+    if not beyond:
+        return language.say("summary.unchanged", day=day, all=all_)
+    beyond.sort(key=lambda c: -abs(c.value) / (c.mdc95 or np.inf))
+    most = [named_change(c, language) for c in beyond[:CHANGED]]
+    more = [language.counted("summary.more", len(beyond) - CHANGED)]
+    named = language.several([*most, *(more if len(beyond) > CHANGED else [])])
+    return language.counted("summary.changed", len(beyond), day=day, all=all_, figures=named)
 
 
 def _signal(content: Content, language: Language) -> str:

@@ -40,7 +40,7 @@ TAPPING_DECIMALS = {  # of the figures of tapping that have a row, in order
 }
 
 
-MOST_DECIMALS = {"deg": 0, "%": 0, "mm": 0, "mm/s": 0, "deg/s": 0, "Hz": 2, "s": 2}
+MOST_DECIMALS = {"deg": 0, "%": 0, "mm": 0, "mm/s": 0, "deg/s": 0, "Hz": 2, "per s": 2, "s": 2}
 
 
 @dataclass(frozen=True)

@@ -117,7 +117,7 @@ def trust_payload(
     return {
         "answer": trust.answer,
         "words": language.say(key, **facts),
-        "reasons": listed + ([language.say("trust.more", count=more)] if more > 0 else []),
+        "reasons": listed + ([language.counted("trust.more", more)] if more > 0 else []),
         "todo": todo,
         "untested": list(_untested_words(untested, language)),
     }

@@ -117,7 +117,7 @@ function summed(all, beyond, chosen, change, titles) {
   const list = (some) => h("ul", { class: "beyond-list" }, some);
   const more = rows.length > SHOWN + 1 ? rows.splice(SHOWN) : []; // one alone needs no fold
   return [
-    h("p", { class: "verdict" }, t("course.beyond", { count: beyond.length, all: count })),
+    h("p", { class: "verdict" }, counted("figures_beyond", beyond.length, { all: count })),
     list(rows),
     more.length > 0 && h("details", {}, h("summary", {}, counted("more_changes", more.length)), list(more)),
   ].filter(Boolean);

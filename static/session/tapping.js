@@ -50,7 +50,7 @@ function one(root, api, result, trial, number) {
       " ",
       h("span", { class: `badge ${trial.grade}` }, t("tapping.signal", { grade: known(`grade.${trial.grade}`, trial.grade) })),
     ),
-    trial.reason && h("p", { class: "warning" }, trial.reason),
+    trial.reason && h("p", { class: trial.grade === "good" ? "hint" : "warning" }, trial.reason), // what lowers nothing warns of nothing
     h(
       "div",
       { class: "halves" },

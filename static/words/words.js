@@ -18,9 +18,9 @@ const locale = words["locale"];
 const plurals = new Intl.PluralRules(locale);
 
 /** "1 session", "3 sessions": the words `key.one`, `key.few`, ... by the locale's plural rules; `key.other` where one is not there. */
-export function counted(key, count) {
+export function counted(key, count, values = {}) {
   const form = `${key}.${plurals.select(count)}`;
-  return t(form in words ? form : `${key}.other`, { count });
+  return t(form in words ? form : `${key}.other`, { ...values, count });
 }
 
 const POINT = (1.5).toLocaleString(locale).charAt(1);

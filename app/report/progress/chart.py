@@ -13,6 +13,7 @@ from handscope.app.report.sections.plots import (
     BAND,
     GREY,
     INK,
+    UNKNOWN,
     axes_at,
     drawing,
     label_days,
@@ -23,7 +24,6 @@ GOAL = "#dcebdd"
 WIDTH, HEIGHT = 168.0, 74.0  # pt
 BEFORE = 60  # days before the first session in which treatment stands in the chart
 NEAR = 0.08  # part of the span within which numbers of treatment stand together
-UNKNOWN = 0.1  # part of a value that its axis spans either way where no measurement error is known
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from handscope.estimators.hand.anatomy import Hand
 CHARTS = 9  # on the first page
 HEADINGS = (
     *("progress.treatment", "progress.every", "figure", "progress.first", "progress.newest"),
-    *("progress.change", "progress.mdc", "progress.goal"),
+    *("progress.change", "progress.mdc", "progress.goal", "progress.short.beyond"),
 )
 
 
@@ -65,7 +65,9 @@ def progress_page(
             first=language.day(sessions[0].started),
             last=language.day(sessions[-1].started),
         ),
-        "verdict": say("progress.verdict", beyond=len(beyond), count=len(repeated)),
+        "verdict": language.counted("progress.verdict", len(beyond), all=f"{len(repeated)}")
+        if beyond
+        else say("progress.none", count=len(repeated)),
         "charts": charts,
         "caption": say("progress.caption"),
         "sources": " ".join(sources),
@@ -79,7 +81,11 @@ def progress_page(
             ]
             for number, t in enumerate(patient.treatment, 1)
         ],
-        "rows": [_row(s, hand, patient, language) for s in repeated],
+        "tasks": [
+            [title, [_row(s, hand, patient, language) for s in each]]
+            for title, each in _by_task(repeated, patient, language).items()
+        ],
+        "has_goals": any(goal_hand == hand for goal_hand, _ in patient.goals),
         "words": {key.replace(".", "_"): say(key) for key in HEADINGS},
         "tag": say("notice.short"),
     }
@@ -110,14 +116,24 @@ def _chart(s: Series, hand: Hand, patient: Patient, language: Language) -> dict[
     }
 
 
+def _by_task(
+    series: Sequence[Series], patient: Patient, language: Language
+) -> dict[str, list[Series]]:
+    """By the task's title, in the order of what comes first."""
+    found = dict[str, list[Series]]()
+    for s in series:
+        found.setdefault(_task(s, patient, language), []).append(s)
+    return found
+
+
 def _row(s: Series, hand: Hand, patient: Patient, language: Language) -> list[str]:
     course = s.hands[hand]
     mdc, goal = course.judge.mdc95, patient.goals.get((hand, (s.measure, s.task, s.name)))
     return [
-        f"{label(s.name, language)} ({_task(s, patient, language)})",
+        label(s.name, language),
         _worded(s, course.points[0].value, language),
         _worded(s, course.points[-1].value, language),
-        _verdict(course.points[-1].since_first, language),
+        _verdict(course.points[-1].since_first, language, short=True),
         amount(mdc, s.name, s.unit, language) if mdc is not None else "",
         language.say(
             "goals.range",
@@ -138,9 +154,9 @@ def _task(s: Series, patient: Patient, language: Language) -> str:
     return language.translate(protocol.title) if protocol else s.task.replace("_", " ")
 
 
-def _verdict(since_first: bool | None, language: Language) -> str:
+def _verdict(since_first: bool | None, language: Language, short: bool = False) -> str:
     word = "unknown" if since_first is None else "beyond" if since_first else "within"
-    return language.say(f"progress.{word}")
+    return language.say(f"progress.short.{word}" if short else f"progress.{word}")
 
 
 def _worded(s: Series, value: float, language: Language) -> str:

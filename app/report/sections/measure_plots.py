@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-from babel.numbers import get_decimal_symbol
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -16,6 +15,7 @@ from handscope.app.report.sections.plots import (
     axes_at,
     drawing,
     named,
+    number_axis,
     svg_of,
 )
 from handscope.app.report.sections.shown_panels import DOTS, Line, Panel
@@ -57,11 +57,7 @@ def panel_chart(panel: Panel, language: Language) -> str:
         ax.locator_params(axis="x", nbins=5)
         ax.locator_params(axis="y", nbins=4)
         for axis in (ax.xaxis, ax.yaxis):
-            axis.set_major_formatter(
-                lambda value, _: f"{value:g}".replace("-", "\u2212").replace(
-                    ".", get_decimal_symbol(language.locale)
-                )
-            )
+            number_axis(axis, language)
         ax.set_xlabel(panel.x_unit, labelpad=1)
         named(ax, _legend(panel, language))
         return svg_of(figure)

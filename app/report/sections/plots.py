@@ -13,7 +13,9 @@ from datetime import datetime
 
 import matplotlib
 import numpy as np
+from babel.numbers import get_decimal_symbol
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
@@ -34,6 +36,7 @@ ROW, GROUP_GAP, HEAD = (
 )  # pt: a row, the extra space before a group, the heading above the rows
 INK, GREY, HAIR, ACCENT = "#1a1a1a", "#6b6b6b", "#c9c9c9", "#2f5d6e"
 BAND = "#e7ecee"
+UNKNOWN = 0.1  # part of a value that its axis spans either way where no measurement error is known
 FILL = {"good": ("#7fa0ad", None), "fair": ("#d9e4e8", None), "poor": ("white", "/////")}
 LINES = (
     ("-", INK),
@@ -183,11 +186,10 @@ def trend_chart(
             ax.axhline(values[0], color=GREY, lw=0.4, zorder=0.5)
         ax.plot(days, values, lw=0.8, color=ACCENT, marker="o", ms=2.6, mfc="white", mew=0.8)
         ax.plot(days[-1:], values[-1:], ls="", marker="o", ms=3.6, color=INK)
-        spread = max(max(values) - min(values), mdc95 or 0.0, 1e-9)
-        ax.set_ylim(
-            min(values[0] - (mdc95 or 0), *values) - 0.12 * spread,
-            max(values[0] + (mdc95 or 0), *values) + 0.12 * spread,
-        )
+        half = UNKNOWN * abs(values[0]) if mdc95 is None else mdc95
+        low, high = min(values[0] - half, *values), max(values[0] + half, *values)
+        air = max(0.06 * (high - low), 1e-9)
+        ax.set_ylim(low - air, high + air)
         last = max(days[-1], 1e-9)
         ax.set_xlim(-0.04 * last, 1.06 * last)
         label_days(ax, last, (moments[0], moments[-1]), language)
@@ -198,9 +200,19 @@ def label_days(ax: Axes, last: float, ends: tuple[datetime, datetime], language:
     """The first and the last day below a course whose days count from the first; its values without a sign, the direction stands in the figure's name."""
     ax.set(xticks=[0, last], xticklabels=[language.short_day(m) for m in ends])
     ax.locator_params(axis="y", nbins=4)
-    ax.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")
+    number_axis(ax.yaxis, language, signed=False)
     for label, side in zip(ax.get_xticklabels(), ("left", "right")):
         label.set(ha=side)
+
+
+def number_axis(axis: Axis, language: Language, signed: bool = True) -> None:
+    """An axis whose numbers have the reader's decimal point and a true minus; else their sizes alone."""
+    point = get_decimal_symbol(language.locale)
+    axis.set_major_formatter(
+        lambda value, _: f"{value if signed else abs(value):g}".replace("-", "\u2212").replace(
+            ".", point
+        )
+    )
 
 
 @contextmanager

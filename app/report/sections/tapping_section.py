@@ -94,15 +94,13 @@ def _cell(task: Task, name: str, language: Language) -> str:
     figure = next(f for f in task.result.figures if f.name == name)
     read, sd = reading(figure), abs(reading(replace(figure, value=figure.sd or 0.0)).value)
     decimals = TAPPING_DECIMALS.get(name, 2)
-    decimals += (
-        name not in CHANGES and 0 < sd < 0.5 * 10.0**-decimals
-    )  # a deviation is never told as nothing
     if not np.isfinite(read.value):
         return language.say("tapping.too_few" if task.result.details.count else "not_measured")
     number = language.number(abs(read.value), decimals)
     if name not in CHANGES:
+        shown = sd >= 0.5 * 10.0**-decimals  # a deviation below the last digit is left out
         return language.number(read.value, decimals) + (
-            f" ± {language.number(max(sd, 10.0**-decimals), decimals)}" if sd else ""
+            f" ± {language.number(sd, decimals)}" if shown else ""
         )
     if number == language.number(0.0, decimals):
         return language.say("tapping.same")

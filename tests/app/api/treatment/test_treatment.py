@@ -92,7 +92,7 @@ def test_a_goal_in_another_unit_is_beside_no_figure(
         page = json.loads(stored.progress_report(db, store, patient, "left", ENGLISH, "a4"))
     assert [(r.unit, r.low, r.high) for r in readings] == [("deg", 1, 2)] * is_shown
     assert bool(_progress(client, patient)["series"][0]["goals"]) is is_shown
-    assert bool(page["rows"][0][-1]) is is_shown
+    assert bool(page["tasks"][0][1][0][-1]) is is_shown
 
 
 def test_what_a_patient_takes_along_has_treatment_and_goals(

@@ -36,7 +36,8 @@ def test_the_first_page_shows_what_moved_with_goal_and_treatment(code: str) -> N
     assert (
         ">1<" in chart["chart"] and ">2<" not in chart["chart"]
     )  # the splint was on the other hand
-    (row,) = page["rows"]
+    ((title, (row,)),) = page["tasks"]
+    assert title and page["has_goals"]
     assert row[1].startswith("60°") and row[4] == "12°" and "85°" in row[5]
     assert [line[0] for line in page["treatment"]] == ["1", "2"]
     made = pdf_of(page, LAYOUT, "a4", 0)

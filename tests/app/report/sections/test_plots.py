@@ -2,13 +2,15 @@
 
 import io
 import math
+import re
+from datetime import UTC, datetime
 
 import matplotlib.image
 import numpy as np
 import pytest
 import typst
 
-from handscope.app.language import ENGLISH
+from handscope.app.language import ENGLISH, languages
 from handscope.app.report.content import Curve
 from handscope.app.report.references import references
 from handscope.app.report.sections import plots
@@ -168,3 +170,12 @@ def test_the_regression_line_follows_the_amplitudes() -> None:
 
 def test_the_same_figure_gives_the_same_bytes() -> None:
     assert one(0, 90) == one(0, 90)
+
+
+@pytest.mark.parametrize(("code", "point"), [("en", "."), ("fr", ",")])
+def test_a_course_without_a_known_error_has_few_digits_at_its_axis(code: str, point: str) -> None:
+    days = [datetime(2026, 11, day, 9, 0, tzinfo=UTC) for day in (7, 14, 21)]
+    svg = plots.trend_chart(days, [2.497194, 2.497196, 2.4972], None, 168, 62, languages()[code])
+    ticks = re.findall(r">(\d[\d.,]*)</text>", svg)
+    assert len(ticks) >= 2 and len(set(ticks)) == len(ticks)
+    assert all(len(tick) <= 4 for tick in ticks) and any(point in tick for tick in ticks)
