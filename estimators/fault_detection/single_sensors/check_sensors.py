@@ -41,6 +41,7 @@ from handscope.estimators.fault_detection.single_sensors.gyroscope_check import 
     Judged,
     Verdict,
     judge,
+    log_odds,
 )
 from handscope.estimators.fault_detection.single_sensors.gyroscope_faults import (
     SHARES,
@@ -67,6 +68,7 @@ OF_AXES = (
     "accelerometer_sign",
     "accelerometer_exchange",
 )
+UNCLEAR = "gyroscope_unclear"
 CODES = (  # of all messages
     *("file.time_runs_back", "file.frozen", "file.lost_rows", "file.rate"),
     *(
@@ -77,11 +79,15 @@ CODES = (  # of all messages
     ),
     *(f"file.{code}" for code in sorted({f.code for f in discrete_faults() if f.code})),
     *(f"sensor.{code}" for code in SHARES),
+    "sensor.gyroscope_gain_somewhere",
+    f"sensor.{UNCLEAR}",
     "sensor.gyroscope_rests",
     "sensor.magnetometer_axes",
 )
 DIFFERENT = 0.3  # of an element of the matrix, times how much that axis turned among the three, from which on corrections are not the same
 SMALL = 0.15  # of a gain that is a warning only
+CLEAR = 0.8  # probability of a cause from which on it is named
+AXIS_GAIN, OF_ALL = "gyroscope_axis_gain", ("gyroscope_gain", ())
 
 
 def check_sensors(blocks: Sequence[Block], cells: Cells | None = None) -> list[Suspicion]:
@@ -208,7 +214,8 @@ def _shared(found: Sequence[Suspicion], cells: Cells) -> list[Suspicion]:
     if best is None or _contradicts(cells, *best):
         return list(found)
     have, fault = best
-    p, others = min(s.p_value for s in have), [s for s in found if s not in have]
+    p = min(s.p_value for s in have)
+    others = [s for s in found if s not in have and s.message.code != f"sensor.{UNCLEAR}"]
     code = f"file.{fault.code}"
     return [_suspicion(code, fault, cells.sensors, _whole(cells), p, fault.certain), *others]
 
@@ -307,8 +314,23 @@ def _of_sensors(cells: Cells, judged: Sequence[Judged], among: int) -> Iterator[
                 for v in j.rivals
             ]
             certain = fault.certain and max(differences) <= DIFFERENT
-            span = _span(cells, j.named)
-            yield _suspicion(f"sensor.{fault.code}", fault, (sensor,), span, p, certain)
+            described = _clear_fault(j)
+            span, certain = _span(cells, j.named), certain and described.certain
+            yield _suspicion(f"sensor.{described.code}", described, (sensor,), span, p, certain)
+
+
+def _clear_fault(judged: Judged) -> Fault:
+    """The named fault where its cause is clear; else what the causes have in common."""
+    fault, causes = judged.named.fault, judged.causes
+    if causes[fault.cause] >= CLEAR:
+        return fault
+    gains = {v.fault.cause: v.fault for v in sorted(judged.verdicts, key=log_odds)}
+    along = max((c for c in causes if c[0] == AXIS_GAIN), key=lambda c: causes[c], default=None)
+    if along and causes.get(OF_ALL, 0.0) + causes[along] >= CLEAR and OF_ALL in gains:
+        both = tuple(dict(gains[cause].values)["gain"] for cause in (OF_ALL, along))
+        values = (*along[1], ("gain", both[0]), ("axis_gain", both[1]))
+        return replace(fault, code="gyroscope_gain_somewhere", values=values)
+    return Fault(UNCLEAR, (), fault.matrix, certain=False)
 
 
 def _suspicion(

@@ -29,6 +29,7 @@ from handscope.estimators.fault_detection.single_sensors.gravity_windows import 
 )
 from handscope.estimators.fault_detection.single_sensors.gyroscope_faults import (
     AXES,
+    Cause,
     Fault,
     discrete_faults,
     share_of,
@@ -44,10 +45,10 @@ LOST = 6.0  # log-likelihood, repetitions allowed for, that is lost in such chai
 GAINED = 3.0  # log-likelihood that free corrections gain by chance
 STARTS = (1.0, 0.25, 0.35, 0.5, 0.7, 1.4, 2.0, 2.8, 4.0)  # gains from which the best is looked for
 LEAST_GAIN = 0.2  # and its inverse: gains beyond are told as something else
-LARGEST = 0.7  # of a matrix that is off without a name
+LARGEST = 0.9  # of a matrix that is off without a name
 TIED = 3.0  # log-likelihood by which rivals may be worse than the best ...
 NEARLY = 0.2  # ... beside this share of it
-ROUNDS, SMALL = 3, 0.01  # of corrections until they are small
+ROUNDS, SMALL = 6, 0.01  # of corrections until they are small
 IDENTITY = np.eye(3)
 GAIN = IDENTITY.reshape(9, 1) / np.sqrt(3.0)
 AXIS_GAINS = tuple(np.diag(IDENTITY[k]).reshape(9, 1) for k in range(3))
@@ -73,8 +74,17 @@ class Judged:
 
     @property
     def named(self) -> Verdict:
-        """The most usual of the faults that explain the readings nearly as well as the best."""
-        return max(self.rivals, key=lambda v: (v.weight, v.evidence))
+        """The most probable of the faults that explain the readings."""
+        return max(self.verdicts, key=log_odds)
+
+    @property
+    def causes(self) -> dict[Cause, float]:
+        """How probable each cause is, of a fault that explains the readings."""
+        top, odds = log_odds(self.named), dict[Cause, float]()
+        for v in self.verdicts:
+            odds[v.fault.cause] = odds.get(v.fault.cause, 0.0) + float(np.exp(log_odds(v) - top))
+        total = sum(odds.values())
+        return {cause: each / total for cause, each in odds.items()}
 
     @property
     def rivals(self) -> list[Verdict]:
@@ -131,6 +141,11 @@ def judge(cells: Cells, free: bool = True) -> list[Judged]:
             )
             found[sensor] = replace(found[sensor], verdicts=tuple(best_first))
     return found
+
+
+def log_odds(verdict: Verdict) -> float:
+    """How probable a fault is against another, logarithm."""
+    return float(np.log(verdict.weight)) + verdict.evidence
 
 
 def p_values_of_gain(right: Information, wrong: Information) -> Array:
@@ -207,7 +222,7 @@ def _continuous(own: Cells, right: Information, gains: Array) -> Iterator[Verdic
         none = fit(as_it_is)
         for code, values, prior in FAMILIES:
             free = fit(as_it_is, prior)
-            far = code == "gyroscope_gain" and begin != 1.0
+            far = begin != 1.0 and code in ("gyroscope_gain", "gyroscope_axis_gain")
             if free.evidence[0] <= none.evidence[0] and not far:
                 continue
             weight = _weight(code, stretch, chains, len(parts))
@@ -216,7 +231,8 @@ def _continuous(own: Cells, right: Information, gains: Array) -> Iterator[Verdic
                 evidence = float((free.evidence[0] - none.evidence[0]) / free.repeats[0])
                 yield Verdict(late, span, evidence, weight)
                 continue
-            M, information = begin * IDENTITY if far else IDENTITY + free.matrix[0], as_it_is
+            at_gain = IDENTITY + (begin - 1.0) * _along(values)
+            M, information = at_gain if far else IDENTITY + free.matrix[0], as_it_is
             for _ in range(ROUNDS):
                 information = information_of(windows_of(own, M, chains=stretch))
                 step = fit(information, prior).matrix[0]
@@ -234,6 +250,12 @@ FAMILIES = (
     ("gyroscope_delay", (), priors(delay=True)),
     ("gyroscope_matrix", (), priors(ANYHOW)),
 )
+
+
+def _along(values: tuple[tuple[str, float | str], ...]) -> Array:
+    """Projection (3, 3) on the axis that a fault is of, else on all."""
+    along = dict(values).get("axis")
+    return IDENTITY if along is None else np.diag(IDENTITY[AXES.index(str(along))])
 
 
 def _plausible(code: str, M: Array) -> bool:

@@ -31,6 +31,7 @@ SHARES: Mapping[
     "accelerometer_exchange": 0.03,
 }
 DEGREES = float(np.degrees(1.0))
+Cause = tuple[str, tuple[tuple[str, str], ...]]  # what is at fault, and which axes; sizes left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +42,11 @@ class Fault:
     values: tuple[tuple[str, float | str], ...]
     matrix: Array  # (3, 3) rates of the accelerometer's axes from readings
     certain: bool = True  # whether the matrix alone puts it right
+
+    @property
+    def cause(self) -> Cause:
+        """What distinguishes it from faults of another cause."""
+        return self.code, tuple((name, v) for name, v in self.values if isinstance(v, str))
 
 
 @cache

@@ -63,6 +63,31 @@ def test_the_fault_of_one_sensor_is_named_and_can_be_mended(code):
     assert check_sensors(mended) == []
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_the_gain_of_one_axis_is_named_where_all_three_turn(axis):
+    wrong = by_matrix(np.diag(np.where(np.arange(3) == axis, 3.0, 1.0)))
+    (found,) = check_sensors(with_readings(moved_freely(), GYR, wrong, "ring_middle"))
+    assert found.message.code == "sensor.gyroscope_axis_gain"
+    assert found.message.values["axis"] == "xyz"[axis]
+    assert found.message.values["gain"] == pytest.approx(3.0, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("blocks", "code"),
+    [
+        (moved_freely(), "sensor.gyroscope_gain_somewhere"),
+        (performed("initial_pose", "pronation_supination"), "sensor.gyroscope_unclear"),
+    ],
+)
+def test_a_cause_that_the_movement_does_not_tell_is_left_open(blocks, code):
+    """The gain of one axis, which a gain of all explains nearly as well, and another sign where the hand turns about one axis only."""
+    (found,) = check_sensors(
+        with_readings(blocks, GYR, by_matrix(np.diag([1.0, 2.0, 1.0])), "hand")
+    )
+    assert (found.message.code, found.sensors) == (code, ("hand",))
+    assert found.message.severity == "fault"
+
+
 @pytest.mark.parametrize("code", OF_ALL)
 def test_a_fault_that_all_sensors_share_is_told_once_of_the_file(code):
     (found,) = check_sensors(with_readings(moved_freely(), GYR, by_matrix(OF_ALL[code])))
