@@ -1,0 +1,1 @@
+"""Treatment of a patient, and goals of figures."""

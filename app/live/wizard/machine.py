@@ -1,10 +1,7 @@
-"""The wizard that leads a session: a state machine without a GUI, clock or device. Pages only draw it.
+"""The step from one state of the wizard to the next: `act` on a person's action, `tick` ten times a second.
 
-transition_table.py  `TRANSITIONS[state][action]` is the next state; an action that is not there is refused
-state.py             the wizard's state and what can be done in it
-progress_time.py     progress of a pose or a trial
-effects.py           what the station carries out after a step, a type an effect
-here                 the step from one state to the next; it returns the effects that the station carries out
+Both return the next wizard and the effects that the station carries out. An action that is not in
+`TRANSITIONS` of the state is refused.
 """
 
 from collections.abc import Sequence

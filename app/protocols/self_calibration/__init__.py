@@ -1,0 +1,1 @@
+"""The free movement that a hand is self-calibrated from, in the form of app/protocols."""

@@ -1,0 +1,1 @@
+"""The progress report: a patient's figures over all sessions."""
