@@ -32,7 +32,7 @@ class AccountRow(TypedDict):
     disabled: bool
     created: datetime
     wards: list[MembershipRow]
-    proof: str  # code, single, password, none
+    proof: str  # how one logs in: code, single (sign-on), password, none
     local: bool
     version: int
     second: NotRequired[bool]  # it has a second factor
@@ -59,7 +59,7 @@ class EmergencyRow(TypedDict):
     reason: str
     begun: datetime
     ends: datetime
-    lasts: bool
+    lasts: bool  # still in force
 
 
 class NoteRow(TypedDict):
@@ -137,7 +137,7 @@ class SessionRow(TypedDict):
     continues: int | None  # session of the other hand in the same visit, that it follows
     state: str
     started: datetime
-    recorded_as: datetime | None
+    recorded_as: datetime | None  # date of the clock, where it was corrected
     date_reason: str
     trunk_height: float | None
     trunk_corrected: bool
@@ -235,7 +235,7 @@ class TableTriad(TypedDict):
     quantity: str  # gyr, acc, mag, orientation
     columns: list[str | int]
     unit: str
-    point: str | None  # segment, where something says it
+    point: str | None  # segment, where the table names it
 
 
 class TableAnswer(TypedDict):
@@ -257,14 +257,14 @@ class TableAnswer(TypedDict):
 
 
 class TableFinding(TypedDict):
-    """Something that the numbers of a mapped table say."""
+    """A finding about the numbers of a mapped table."""
 
     severity: str  # info, warning
     text: str
 
 
 class TableFindings(TypedDict):
-    """What the numbers of a mapped table say; s and Hz."""
+    """Duration, rate, rests and findings of a mapped table's numbers; s and Hz."""
 
     duration: float
     rate: float
@@ -286,12 +286,12 @@ class AngleAgreement(TypedDict):
     """How far a camera's angle is from the result's, deg: a difference is camera less result."""
 
     what: str
-    drms: float
-    offset: float
+    drms: float  # root mean square of the difference
+    offset: float  # its mean
     drms_minus_offset: float
-    rom_a: float  # of the result
+    rom_a: float  # range of motion of the result
     rom_b: float  # of the camera
-    drom: float
+    drom: float  # difference of both ranges
     correlation: float | None
     unit: str
 

@@ -40,7 +40,7 @@ class SelfCalibrationChange(Incoming):
     "/patients/{patient_id}/self-calibrations", dependencies=[requires_role(CLINICIAN, SCIENTIST)]
 )
 def list_self_calibrations(db: Db, language: LanguageDep, patient_id: int) -> list[dict[str, Any]]:
-    """All of both hands, also those that were withdrawn, the last kept first."""
+    """Self-calibrations of both hands, withdrawn ones among them, the newest first."""
     return [row(c, language) for c in patients.get(db, patient_id).self_calibrations]
 
 
@@ -64,7 +64,7 @@ def keep_self_calibration(
 def change_self_calibration(
     db: Db, language: LanguageDep, self_calibration_id: int, change: SelfCalibrationChange
 ) -> dict[str, Any]:
-    """Offer it no more, or again."""
+    """Withdraw a self-calibration, or offer it again."""
     return row(self_calibrations.withdraw(db, self_calibration_id, change.withdrawn), language)
 
 
@@ -94,7 +94,7 @@ def decide(
 
 
 def row(c: SelfCalibration, language: Language) -> dict[str, Any]:
-    """A self-calibration for people."""
+    """A self-calibration as plain data, its tables in the words of a language."""
     visit = c.recording.session
     return {
         "id": c.id,
@@ -112,7 +112,7 @@ def row(c: SelfCalibration, language: Language) -> dict[str, Any]:
 
 
 def offer_row(offer: Offer, language: Language) -> dict[str, Any]:
-    """One that a session may take over, and which parts of it."""
+    """A self-calibration that a session may take over, with the parts that it may take."""
     return {
         **row(offer.self_calibration, language),
         "parts": offer.parts,
@@ -121,6 +121,7 @@ def offer_row(offer: Offer, language: Language) -> dict[str, Any]:
 
 
 def _reuse(session: PatientSession, language: Language) -> dict[str, Any]:
+    """The decision of a session (None: none yet) and the self-calibrations that are offered to it."""
     decided = self_calibrations.decision(session)
     return {
         "decided": None

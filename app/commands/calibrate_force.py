@@ -1,4 +1,4 @@
-"""`handscope calibrate-force`: what a fingertip's force sensor reads under loads that are known, as a `ForceSetup` for the sidecars of its recordings."""
+"""`handscope calibrate-force`: calibrate a fingertip's force sensor by known loads; the result is a `ForceSetup` for the sidecars of its recordings."""
 
 import argparse
 import json
@@ -21,7 +21,7 @@ from handscope.sessions.tables_io import force_calibrations
 from handscope.sessions.tables_io.force_calibrations import SETUP
 from handscope.sessions.tables_io.writing import save_file
 
-USUAL = 0.025  # share by which forces of a sensor without this are taken to be wrong: `force_scale` of fingertip_forces.py
+USUAL = 0.025  # sd of the scale that is assumed without a calibration: `force_scale` of force/fingertip_forces.py
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
     params = with_options(SolveParams, parse(arguments.option))
     out, point = arguments.out, f"{arguments.finger}_tip_force"
-    before = _before(out) if out else {}
+    before = _read_existing(out) if out else {}
     table = load_table(arguments.table, params.gravity)
     solved = solve(params, table.raw, table.loads, [f"line {line}" for line in table.lines])
     for line in _summary_lines(table, solved):
@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     turn = solved.turn_sd if table.by_accelerometer else None
     entry = setup_to_table(
         ForceSetup(solved.calibration.scale_sd, table.channels, solved.calibration, turn)
-    ) | _known(table, solved)
+    ) | _accuracy(table, solved)
     if out:
         _write(out, before, point, entry)
         say(f"{SETUP} of {point}: {out}")
@@ -84,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
         strip = force_strip.strip_of(arguments.keep, point, solved.calibration)
         place = force_calibrations.path_of(arguments.data, strip)
         output_folder(place.parent)
-        _write(place, _before(place), point, entry)
+        _write(place, _read_existing(place), point, entry)
         say(
             f"kept for strip {strip:x}, {point}: {place}; live sessions that begin from now on apply it"
         )
@@ -98,8 +98,8 @@ def _write(path: Path, before: dict[str, Any], point: str, entry: dict[str, Any]
     )
 
 
-def _before(path: Path) -> dict[str, Any]:
-    """What the file holds already; InputError where it cannot take an entry more."""
+def _read_existing(path: Path) -> dict[str, Any]:
+    """The content of the file, empty where there is none; InputError where no entry can be added to it."""
     require_file(path)
     if not path.exists():
         return {}
@@ -113,9 +113,9 @@ def _before(path: Path) -> dict[str, Any]:
 
 
 def _summary_lines(table: LoadTable, s: Solved) -> list[str]:
-    """How well the loads are met, which do not belong, and how sure a force is."""
+    """Residuals of the loads, which loads were left out, and how accurately a force is known."""
     axes = AXES[: len(s.left)]
-    left = "; ".join(f"{name} {_size(value, name)}" for name, value in zip(axes, s.left))
+    left = "; ".join(f"{name} {_with_unit(value, name)}" for name, value in zip(axes, s.left))
     lines = [
         f"{counted(s.used, 'load')} up to {s.heaviest:.3g} N by {counted(len(table.channels), 'channel')}; left over: {left}"
     ]
@@ -137,12 +137,12 @@ def _summary_lines(table: LoadTable, s: Solved) -> list[str]:
     return lines
 
 
-def _size(value: float, axis: str) -> str:
+def _with_unit(value: float, axis: str) -> str:
     return f"{value:.2g} {'N' if axis.startswith('force') else 'Nm'}"
 
 
-def _known(table: LoadTable, s: Solved) -> dict[str, Any]:
-    """How sure each number is, for whoever reads the file."""
+def _accuracy(table: LoadTable, s: Solved) -> dict[str, Any]:
+    """Standard deviations and residuals of the calibration, for readers of the file."""
     return {
         "matrix_sd": _rounded(s.matrix_sd),
         "offset_sd": _rounded(s.offset_sd),

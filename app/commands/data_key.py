@@ -1,4 +1,4 @@
-"""`handscope data-key`: make the key that seals a data folder, seal what lies there plain, change the key."""
+"""`handscope data-key`: make the key that seals a data folder, seal the files that are not, change the key."""
 
 import argparse
 import os
@@ -20,7 +20,7 @@ from handscope.sessions.store.store import store_at
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    """Its options."""
+    """Declare the arguments of the verb."""
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     make = actions.add_parser("make", help="a new key")
     make.add_argument("key", type=Path, metavar="KEYFILE", help="the file to make; keep a copy elsewhere")  # fmt: skip
@@ -33,7 +33,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Do it; 0, or 1 where files stay as they are."""
+    """Run the verb; returns the exit code, 1 where files could not be sealed yet."""
     if arguments.action == "make":
         make_key(arguments.key)
         say(
@@ -54,7 +54,7 @@ def _seal(arguments: argparse.Namespace) -> int:
     sealed = sum(rotation.seal_file(path) for path in files if path not in being_written)
     sealed += _change_pictures(arguments, lambda data: data if is_sealed_data(data) else seal_bytes(data))  # fmt: skip
     say(f"{counted(sealed, 'file')} sealed, {len(files) - sealed - len(being_written)} were")
-    return _left(being_written, "is being recorded: once more when its session is finished")
+    return _report_left(being_written, "is being recorded: once more when its session is finished")
 
 
 def _change(arguments: argparse.Namespace) -> int:
@@ -70,7 +70,7 @@ def _change(arguments: argparse.Namespace) -> int:
 
 
 def _change_pictures(arguments: argparse.Namespace, change: Callable[[bytes], bytes]) -> int:
-    """Photographs lie in the database; how many were changed."""
+    """Change the photographs, which are stored in the database; returns how many were changed."""
     store, changed = store_at(arguments.data, arguments.database), 0
     with store.database() as db:
         kept = select(HandPhotograph.id, HandPhotograph.picture)
@@ -89,7 +89,8 @@ def _put(db: Session, number: int, picture: bytes) -> None:
     db.execute(update(HandPhotograph).where(HandPhotograph.id == number).values(picture=text))
 
 
-def _left(paths: list[Path], why: str) -> int:
+def _report_left(paths: list[Path], why: str) -> int:
+    """Name the files that were left, and why; returns the exit code."""
     for path in paths:
         say(f"{os.path.basename(path)} {why}")
     return 1 if paths else 0

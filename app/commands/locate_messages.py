@@ -24,7 +24,7 @@ from handscope.sessions.tables_io.array_description import ArrayDescription
 
 UNSEEN_GRADIENT = 5e-6  # T/m, a room with steel some metres away; ours
 MAX_TRIED = 200  # readings that are tried without the declared moment
-RATES = (2.0, 5000.0)  # Hz: other rates were hardly stamped in seconds
+RATES = (2.0, 5000.0)  # Hz: at other rates the time stamps are probably not seconds
 
 
 def describe_uncalibrated(error: float) -> str:
@@ -185,7 +185,7 @@ def _ask_unit(strength: float, unit: str | float) -> str:
 
 
 def describe_rate(readings: BenchReadings) -> list[str]:
-    """A message where times are hardly seconds."""
+    """A message where the time stamps are probably not seconds."""
     rate = (
         (len(readings.t) - 1) / float(readings.t[-1] - readings.t[0])
         if len(readings.t) > 1

@@ -83,7 +83,7 @@ class Station:
         self._published: tuple[int, dict[str, Any]] = (0, {})  # of the last tick
         self._stop = threading.Event()
         self._problem = ""
-        self._calibrated_glove, self._glove_before = 0, 0  # gloves plugged in until then
+        self._calibrated_glove, self._glove_before = 0, 0  # number of gloves plugged in by then
         self.sensor_faults: list[str] = []  # found by the sensor check
         self._corrections = LiveCorrections(self._next_number)
         self.exchanged: dict[str, str] = {}  # finger of a strip -> finger that wears it
@@ -204,7 +204,7 @@ class Station:
 
     @property
     def changes(self) -> int:
-        """A counter that moves when a pulse may differ."""
+        """A counter that grows with everything that may change a pulse."""
         return self._viewers.changes
 
     def pulse(self, since: float) -> dict[str, Any]:
@@ -270,6 +270,7 @@ class Station:
         )
 
     def _glove_view(self) -> GloveView:
+        """The glove as a snapshot shows it."""
         a = self.glove.assembler
         return GloveView(
             state=self.glove.state,
@@ -438,6 +439,7 @@ class Station:
             self._cue("wiggle")
 
     def _cue(self, task: str) -> None:
+        """Cue a virtual patient, and let the curve follow what the task measures."""
         known = (*self.setup.protocols, *self.setup.steps, self.setup.free)
         protocol = next((p for p in known if p and p.name == task), None)
         self.curve.follow(protocol.curve_of(self._status.measured) if protocol else None)
@@ -486,12 +488,12 @@ class Station:
         self._viewers.notify()
 
     def take_measured_pose(self, details: Mapping[str, float]) -> None:
-        """The next pose has these angles (columns of its event), as a photograph told them; empty: the nominal ones."""
+        """The next pose has these angles (columns of its event), measured on a photograph; empty: the nominal ones."""
         with self._lock:
             self._measured_pose = dict(details)
 
     def _pose_details(self) -> dict[str, Any]:
-        """Of the pose that is taken now."""
+        """Details for the event of the pose that is being taken."""
         wizard = self._wizard
         return trial_events.pose_details(self._measured_pose, wizard.passive, wizard.repetition)
 
@@ -501,7 +503,7 @@ class Station:
         self._calibrated_glove = self.glove.assembler.replaced
 
     def _store_pose(self, pose: Pose, details: Mapping[str, Any]) -> None:
-        """Keep the pose with the details that it was calibrated with; angles of a photograph that came meanwhile are the next one's."""
+        """Keep the pose with the details that it was calibrated with; angles of a photograph that arrived meanwhile are kept for the next pose."""
         self._attempts += 1
         if self._measured_pose.items() <= details.items():
             self._measured_pose = {}

@@ -1,4 +1,4 @@
-"""What the page says: a Content put into words, tables of words and figures; the layout (report.typ) only places them.
+"""The report in words: a Content as sentences, tables of words and figures; the layout (report.typ) only places them.
 
 Everything is a string, a list or a dict of them; user's text stays as it was typed.
 """
@@ -45,7 +45,7 @@ HEADINGS = (  # words that the layout places
 
 
 def words_of(content: Content, language: Language) -> Page:
-    """The whole report."""
+    """Everything that the layout places, by its name there."""
     main, further = _chosen(content)
     taps = [t for t in content.tasks if t.result.measure == "tapping"]
     say, checksum = language.say, content.recording.checksum[:12]
@@ -177,12 +177,12 @@ def _hour(content: Content, language: Language) -> str:
     visit, hour = content.visit, language.hour(content.date) if content.date else ""
     if visit.recorded_as is None:
         return hour
-    sentences = language.say(
+    corrected = language.say(
         "fact.session.corrected",
         day=language.short_day(visit.recorded_as),
         hour=language.hour(visit.recorded_as),
     )
-    return language.several([hour, f"{sentences} ({visit.date_reason})"])
+    return language.several([hour, f"{corrected} ({visit.date_reason})"])
 
 
 def _day(content: Content, language: Language) -> str:
@@ -270,17 +270,17 @@ def _signal(content: Content, language: Language) -> list[list[str]]:
     for s in content.recording.streams:
         groups.setdefault((s.rate, s.quantities), []).append(s)
     losses = {_lost(streams, language) for streams in groups.values()}
-    once = len(losses) == 1 and len(groups) > 1
+    shared = len(losses) == 1 and len(groups) > 1
     rows = [
         [
             language.say("streams" if len(s) > 1 else "stream"),
-            _streams(s, language, with_losses=not once),
+            _streams(s, language, with_losses=not shared),
         ]
         for s in groups.values()
     ]
     return [
         *rows,
-        *([language.say("streams.all"), lost] for lost in losses if once),
+        *([language.say("streams.all"), lost] for lost in losses if shared),
         [
             language.say("task_samples"),
             language.several(flagged) if flagged else language.say("unflagged"),
@@ -289,7 +289,7 @@ def _signal(content: Content, language: Language) -> list[list[str]]:
 
 
 def _streams(streams: Sequence[StreamFacts], language: Language, with_losses: bool) -> str:
-    """Streams of the same rate and quantities together; what was lost is `told` of each where they differ in it."""
+    """Streams of the same rate and quantities together, with what was lost of them if `with_losses`."""
     words = language.say(
         "streams.of",
         names=", ".join(

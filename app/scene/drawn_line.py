@@ -16,7 +16,7 @@ from handscope.estimators.numerics.typing import Array
 AROUND = 8  # corners of a section
 SPACING = 0.1  # scene units from point to point while the tube is bound
 ALONG = np.array([0.0, 0.0, 1.0])  # the tube while it is bound
-_SAME = 1e-5  # scene units or quaternion components that need no message
+_SAME = 1e-5  # scene units or quaternion components: a smaller change is not sent
 
 
 class DrawnLine:

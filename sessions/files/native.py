@@ -28,7 +28,7 @@ from handscope.sessions.wire.messages import Identity
 from handscope.sessions.wire.protocol_warnings import protocol_warnings
 
 SUFFIX = ".mcap"
-TOGETHER = 1000  # pieces of the wire taken at a time
+CHUNK = 1000  # messages of the wire that are decoded at a time
 
 
 @dataclass
@@ -80,8 +80,8 @@ def load(path: Path, hand: Hand | None = None, correct: bool = True) -> LoadedRe
         ),
         _Parts(),
     )
-    for k in range(0, len(contents.wire), TOGETHER):
-        parts.add(assembler.feed_all(contents.wire[k : k + TOGETHER]))
+    for k in range(0, len(contents.wire), CHUNK):
+        parts.add(assembler.feed_all(contents.wire[k : k + CHUNK]))
     side = _hand(contents.metadata, assembler.identity, hand)
     geometry = sized(side, measures_from(contents.metadata.get("geometry") or {}))
     mounting = assembler.mounting | {
@@ -109,7 +109,7 @@ def load(path: Path, hand: Hand | None = None, correct: bool = True) -> LoadedRe
 
 
 def file_checksum(path: Path) -> str:
-    """sha256 of a file, of what is in it where it is sealed."""
+    """sha256 of a file's content; of a sealed file, of what was sealed."""
     total = hashlib.sha256()
     with open_stored(path) as file:
         while piece := file.read(2**20):
@@ -181,7 +181,7 @@ def _hand(metadata: Mapping[str, Any], identity: Identity | None, wanted: Hand |
 
 
 def _exchanged_strips(metadata: Mapping[str, Any]) -> dict[str, str]:
-    """The fingers that strips were found to be on, by the finger that each says."""
+    """The finger that a strip was found to be worn on, by the finger that it declares."""
     pairs = dict(metadata.get("exchanged_strips") or {})
     return {
         str(f): str(on) for f, on in pairs.items() if f in FINGERS and on in FINGERS and f != on

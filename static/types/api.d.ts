@@ -541,13 +541,13 @@ export interface TableAnswer {
   stored: Record<string, any> | null;
 }
 
-/** Something that the numbers of a mapped table say. */
+/** A finding about the numbers of a mapped table. */
 export interface TableFinding {
   severity: string;
   text: string;
 }
 
-/** What the numbers of a mapped table say; s and Hz. */
+/** Duration, rate, rests and findings of a mapped table's numbers; s and Hz. */
 export interface TableFindings {
   duration: number;
   rate: number;

@@ -25,7 +25,7 @@ from handscope.sessions.store import records
 router = APIRouter(tags=["streams"], dependencies=[requires_role(CLINICIAN)])
 REFUSED, GONE, TOO_SLOW = 4401, 1001, 4408  # web socket close codes
 SEND_WAIT = 5.0  # s that a client may take for one pose before it is let go
-IDLE = 5.0  # s without a pose until the stream looks whether its session is still there
+IDLE = 5.0  # s without a pose until the stream checks whether its session is still there
 
 
 class NewStream(Incoming):
@@ -106,20 +106,20 @@ async def stream_poses(websocket: WebSocket) -> None:
 
 
 async def _end_when_not_granted(all_parts: Parts, station: Station, permit: Permit) -> None:
-    """End the stream once its account was disabled, or the patient is in another ward; a database that is away ends nothing."""
+    """End the stream once its account was disabled, or the patient is in another ward; a database that cannot be reached ends nothing."""
     await wait_until_hidden(all_parts.store, permit.by, session_of(station), CHECK_EVERY)
     all_parts.permits.withdraw(station.name, permit.name)
 
 
 async def _send_poses(websocket: WebSocket, station: Station, permit: Permit) -> None:
     """Send the newest pose whenever there is one; a client that reads slowly misses poses and holds back nobody."""
-    setup, loop, news = station.setup, asyncio.get_running_loop(), asyncio.Event()
+    setup, loop, new_pose = station.setup, asyncio.get_running_loop(), asyncio.Event()
     identity = station.glove.assembler.identity
     about = {"device": identity.name if identity else "", "port": setup.port}
     first = pose_message.description(setup.hand, setup.method_name, is_simulated(about))
-    leave = station.watch_poses(lambda: loop.call_soon_threadsafe(news.set))
+    leave = station.watch_poses(lambda: loop.call_soon_threadsafe(new_pose.set))
     reader = asyncio.ensure_future(_read_until_gone(websocket))
-    reader.add_done_callback(lambda _: news.set())
+    reader.add_done_callback(lambda _: new_pose.set())
     sent, due = None, 0.0
     try:
         await asyncio.wait_for(websocket.send_text(first.decode()), SEND_WAIT)
@@ -131,9 +131,9 @@ async def _send_poses(websocket: WebSocket, station: Station, permit: Permit) ->
                 await asyncio.wait_for(websocket.send_text(message.decode()), SEND_WAIT)
                 await asyncio.sleep(max(0.0, due - time.monotonic()))
             else:
-                news.clear()
+                new_pose.clear()
                 if station.latest is sent:
-                    await _wait(news, IDLE)
+                    await _wait(new_pose, IDLE)
         if not reader.done():
             await _close(websocket, GONE, "the stream was ended")
     finally:
@@ -141,9 +141,10 @@ async def _send_poses(websocket: WebSocket, station: Station, permit: Permit) ->
         reader.cancel()
 
 
-async def _wait(news: asyncio.Event, seconds: float) -> None:
+async def _wait(new_pose: asyncio.Event, seconds: float) -> None:
+    """Wait for an event, at most so many seconds."""
     try:
-        await asyncio.wait_for(news.wait(), seconds)
+        await asyncio.wait_for(new_pose.wait(), seconds)
     except TimeoutError:
         pass
 
@@ -157,6 +158,6 @@ async def _close(websocket: WebSocket, code: int, reason: str) -> None:
 
 
 async def _read_until_gone(websocket: WebSocket) -> None:
-    """What a client sends is dropped."""
+    """Read and drop what a client sends until it disconnects."""
     while (await websocket.receive())["type"] != "websocket.disconnect":
         pass

@@ -24,12 +24,12 @@ MM = 1e3
 
 
 class HandPositionReadout:
-    """Fed by the glove's thread, advanced by the station's tick."""
+    """Position of the hand in trunk axes; fed by the glove's thread, advanced by the station's tick."""
 
     def __init__(self, params: PlaceParams | None = None) -> None:
         self._params = params or PlaceParams()
         self._queue: deque[Block] = deque(maxlen=QUEUE)
-        self._known: tuple[Any, ...] = ()  # what the setting was made of
+        self._made_for: tuple[Any, ...] = ()  # plate and streams that the setting was made for
         self._setting: Setting | None = None
         self._state: hand_position.State | None = None
         self.latest: Places | None = None  # the newest row
@@ -56,9 +56,9 @@ class HandPositionReadout:
     def advance(
         self, plate: Plate | None, streams: Sequence[Stream], mounting: Mapping[str, Array]
     ) -> None:
-        """Process what came since the last time; what is worn may have changed."""
+        """Process the blocks since the last call; begin anew where other sensors are worn."""
         worn = tuple(s for s in streams if is_relevant(s))
-        if (plate, worn) != self._known:
+        if (plate, worn) != self._made_for:
             self._begin(plate, worn, mounting)
         blocks = [self._queue.popleft() for _ in range(len(self._queue))]
         if self._setting is None or not blocks:
@@ -68,14 +68,14 @@ class HandPositionReadout:
                 self._setting, self._state or hand_position.start(self._setting), blocks
             )
         except Exception:  # the station goes on; tracking restarts
-            log.exception("the hand's place failed and is begun again")
+            log.exception("tracking of the hand's position failed and begins again")
             self._state = None
             return
         if len(places):
             self.latest = hand_position.newest_row(places)
 
     def to_json(self) -> dict[str, Any] | None:
-        """For a page, mm in trunk axes; None where nothing of it is worn."""
+        """Position for a page, mm in trunk axes; None where neither plate nor magnetometers are worn."""
         if self.latest is None:
             return {"reason": self.reason} if self.reason else None
         place, sd, flags = self.latest.place[0], self.latest.sd[0], int(self.latest.flags[0])
@@ -108,7 +108,7 @@ class HandPositionReadout:
     def _begin(
         self, plate: Plate | None, worn: tuple[Stream, ...], mounting: Mapping[str, Array]
     ) -> None:
-        self._known, self._setting, self._state, self.latest, self.reason = (
+        self._made_for, self._setting, self._state, self.latest, self.reason = (
             (plate, worn),
             None,
             None,

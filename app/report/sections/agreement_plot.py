@@ -14,7 +14,7 @@ from handscope.app.report.units import READABLE
 from handscope.estimators.measures.comparison import Agreement, Pair
 
 Form = Literal["svg", "png", "pdf"]
-POINTS = 600  # of a panel at most: more are one blot
+POINTS = 600  # at most in a panel: more would cover each other
 ACROSS, WIDTH, HEIGHT = 3, 172.0, 118.0  # panels in a row; pt of a panel
 MARGIN = 16.0  # pt below for the words about all panels
 
@@ -25,18 +25,18 @@ def agreement_chart(
     """The figure as a file. `agreements` are those of the whole recording, one a pair at most; `words` say what A and B are."""
     found = {a.name: a for a in agreements}
     drawn = [p for p in pairs if p.name in found]
-    across = min(ACROSS, len(drawn)) or 1
-    down = -(-len(drawn) // across) or 1
+    columns = min(ACROSS, len(drawn)) or 1
+    rows = -(-len(drawn) // columns) or 1
     with matplotlib.rc_context(SETTINGS):
-        figure = Figure(figsize=(across * WIDTH / 72, (down * HEIGHT + 2 * MARGIN) / 72))
-        width, height = across * WIDTH, down * HEIGHT + 2 * MARGIN
+        figure = Figure(figsize=(columns * WIDTH / 72, (rows * HEIGHT + 2 * MARGIN) / 72))
+        width, height = columns * WIDTH, rows * HEIGHT + 2 * MARGIN
         for k, pair in enumerate(drawn):
-            row, column = divmod(k, across)
+            row, column = divmod(k, columns)
             left, bottom = column * WIDTH + 26, height - MARGIN - (row + 1) * HEIGHT + 14
             ax = figure.add_axes(
                 (left / width, bottom / height, (WIDTH - 62) / width, (HEIGHT - 32) / height)
             )
-            _panel(ax, pair, found[pair.name])
+            _draw_panel(ax, pair, found[pair.name])
         figure.text(8 / width, 1 - 10 / height, words, va="center")
         figure.text(
             8 / width,
@@ -45,10 +45,11 @@ def agreement_chart(
             va="center",
             color=GREY,
         )
-        return _file(figure, form)
+        return _encode(figure, form)
 
 
-def _panel(ax: Axes, pair: Pair, agreement: Agreement) -> None:
+def _draw_panel(ax: Axes, pair: Pair, agreement: Agreement) -> None:
+    """Differences over means, bias and limits of agreement of one quantity."""
     unit, factor = READABLE[pair.unit]
     a, b = factor * pair.both
     every = max(1, len(a) // POINTS)
@@ -102,8 +103,8 @@ def _panel(ax: Axes, pair: Pair, agreement: Agreement) -> None:
     )
 
 
-def _file(figure: Figure, form: Form) -> bytes:
-    """The same figure gives the same bytes."""
+def _encode(figure: Figure, form: Form) -> bytes:
+    """The figure as bytes without a date: the same figure gives the same bytes."""
     buffer = io.BytesIO()
     figure.savefig(
         buffer,

@@ -57,7 +57,7 @@ def tips(angles: Array, geometry: HandGeometry) -> Array:
 def rest(geometry: HandGeometry) -> Array:
     """Where the bones' joints are while the skin is bound (bones, 3), m."""
     _, places = chain(BOUND, geometry)
-    return _laid_out(places)
+    return _bone_places(places)
 
 
 def pose(angles: Array, geometry: HandGeometry) -> tuple[Array, Array]:
@@ -69,21 +69,25 @@ def pose(angles: Array, geometry: HandGeometry) -> tuple[Array, Array]:
         [np.broadcast_to(quat.IDENTITY, (*several, 5, 1, 4)), turned[..., :2, :]], axis=-2
     )
     halves = quat.slerp(parents, turned, np.full((*several, 5, 3), 0.5))
-    back = quat.conjugate(joint_angles.compose(angles[..., JOINT["wrist"], :]))
-    still = np.broadcast_to(quat.IDENTITY, back.shape)
-    arm = np.stack([still, back, quat.slerp(still, back, np.full(several, 0.5))], axis=-2)
+    q_forearm = quat.conjugate(joint_angles.compose(angles[..., JOINT["wrist"], :]))
+    identity = np.broadcast_to(quat.IDENTITY, q_forearm.shape)
+    arm = np.stack(
+        [identity, q_forearm, quat.slerp(identity, q_forearm, np.full(several, 0.5))], axis=-2
+    )
     rotations = np.concatenate(
         [arm, halves.reshape(*several, -1, 4), turned.reshape(*several, -1, 4)], axis=-2
     )
-    return rotations, _laid_out(places)
+    return rotations, _bone_places(places)
 
 
-def _laid_out(places: Array) -> Array:
+def _bone_places(places: Array) -> Array:
+    """Places (..., bones, 3) m of all bones from those of the finger joints (..., 5, 3, 3): hand, forearm and wrist are at 0."""
     flat = places.reshape(*places.shape[:-3], -1, 3)
     return np.concatenate([np.zeros((*flat.shape[:-2], 3, 3)), flat, flat], axis=-2)
 
 
 def _bound_chain() -> Array:
+    """Orientations (5, 3, 4) of the finger segments on the hand in the bound pose."""
     q = joint_angles.compose(BOUND[CHAIN_JOINTS])
     first = q[:, 0]
     second = quat.multiply(first, q[:, 1])

@@ -1,4 +1,4 @@
-"""The palm as a smooth field: metacarpals, thenar and hypothenar eminence, webs, wrist and the first part of every finger, melted together.
+"""The palm as a smooth field: metacarpals, thenar and hypothenar eminence, webs, wrist and the first part of every finger, blended into one surface.
 
 In      a sized hand; points in the left hand's frame (dorsal, distal, ulnar) from the wrist, fingers in the bound pose
 Out     a field that is negative inside, about the distance to the skin in m
@@ -27,7 +27,7 @@ FOREARM = 0.55  # of palm length: how much of the forearm is drawn
 _STUB = 6e-3  # m, the palm's surface reaches this far into a finger's mesh
 _BEGINS = 0.20  # of hand breadth, before a finger's first joint: there its surface begins, within the palm
 # of hand breadth: distance below which bodies blend
-_MELT = {"palm": 0.100, "finger": 0.070, "web": 0.11, "stub": 0.045}
+_BLEND = {"palm": 0.100, "finger": 0.070, "web": 0.11, "stub": 0.045}
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Root:
 
 @dataclass(frozen=True)
 class PalmShape:
-    """Everything the palm's field needs; the left hand's frame whichever hand it is."""
+    """Everything that the palm's field needs, in the left hand's frame for either hand."""
 
     roots: Mapping[str, Root]
     ends: Mapping[str, float]  # m, distal coordinate at which each finger's stub ends
@@ -74,26 +74,26 @@ class PalmShape:
 
     def field(self, points: Array) -> Array:
         """The field (n,) at points (n, 3)."""
-        melt = {name: k * self.breadth for name, k in _MELT.items()}
+        blend = {name: k * self.breadth for name, k in _BLEND.items()}
         palm = self._forearm(points)
         for start, stop, r_start, r_stop in self._bodies():
             palm = smooth_union(
                 palm,
                 _cone(points, start, stop, r_start * self.breadth, r_stop * self.breadth),
-                melt["palm"],
+                blend["palm"],
             )
-        palm = smooth_union(palm, self._first_web(points), melt["web"])
+        palm = smooth_union(palm, self._first_web(points), blend["web"])
         fingers = self._stub(FINGERS[0], points)
         for finger in FINGERS[1:]:
-            fingers = smooth_union(fingers, self._stub(finger, points), melt["stub"])
-        return smooth_union(palm, fingers, melt["finger"])
+            fingers = smooth_union(fingers, self._stub(finger, points), blend["stub"])
+        return smooth_union(palm, fingers, blend["finger"])
 
     def _bodies(self) -> list[tuple[Array, Array, float, float]]:
         """Round cones: start, stop and their radii as shares of hand breadth."""
         mcp = {finger: self.roots[finger].place for finger in FINGERS}
-        down = np.array([self.breadth, 0.0, 0.0])
+        dorsal = np.array([self.breadth, 0.0, 0.0])
         metacarpals = [
-            (self.at(0.02, 0.22, base), mcp[finger] - 0.008 * down, 0.125, radius)
+            (self.at(0.02, 0.22, base), mcp[finger] - 0.008 * dorsal, 0.125, radius)
             for finger, base, radius in (
                 ("index", -0.15, 0.128),
                 ("middle", -0.04, 0.138),
@@ -106,7 +106,8 @@ class PalmShape:
             for a, b in (("index", "middle"), ("middle", "ring"), ("ring", "little"))
         ]
         knuckles = [
-            (0.66 * mcp[f] + 0.022 * down, mcp[f] + 0.030 * down, 0.085, 0.092) for f in FINGERS[1:]
+            (0.66 * mcp[f] + 0.022 * dorsal, mcp[f] + 0.030 * dorsal, 0.085, 0.092)
+            for f in FINGERS[1:]
         ]
         thenar = [
             (self.at(-0.09, 0.20, -0.16), self.on_finger("thumb", -0.03, 0.48), 0.165, 0.125),
@@ -152,8 +153,8 @@ class PalmShape:
         t, end = local[:, 1], self.ends[finger]
         begin = _BEGINS * self.breadth
         # round where it begins, within the palm
-        upload_reader = np.sqrt(np.clip(1.0 - np.minimum(t / begin, 0.0) ** 2, 0.05, 1.0))
-        breadth, dorsal, palmar = upload_reader * np.moveaxis(
+        roundness = np.sqrt(np.clip(1.0 - np.minimum(t / begin, 0.0) ** 2, 0.05, 1.0))
+        breadth, dorsal, palmar = roundness * np.moveaxis(
             root.shape.section(np.clip(t, 0.0, end + _STUB)), -1, 0
         )
         radial = _elliptic(
