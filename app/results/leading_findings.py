@@ -22,7 +22,18 @@ def leading_findings(trust: Trust, warnings: Sequence[str]) -> list[str]:
     reasons = frozenset().union(*(codes_of(doubt.reason) for doubt in trust.doubts))
     ranked = ((_rank(text, reasons), text) for text in warnings)
     known = [(rank, text) for rank, text in ranked if rank is not None]
-    return [text for _, text in sorted(known, key=lambda found: found[0])[:MOST]]
+    chosen: list[str] = []
+    for _, text in sorted(known, key=lambda found: found[0]):
+        if not _is_named(text, chosen):
+            chosen.append(text)
+    return chosen[:MOST]
+
+
+def _is_named(text: str, chosen: Sequence[str]) -> bool:
+    """Whether a message of flags tells only of sensors that those before it name."""
+    flagged = [message for message in messages_of(text) if message.code == FLAGGED]
+    segments = [s for m in flagged for s in str(m.values["segments"]).split(", ")]
+    return bool(segments) and all(any(s in other for other in chosen) for s in segments)
 
 
 def _rank(text: str, reasons: frozenset[str]) -> int | None:

@@ -129,6 +129,7 @@ RECORDED = [USED, flagged("thumb_distal", "flag.magnetic"), AT_LIMIT, GYROSCOPE,
     ("warnings", "findings"),
     [
         (RECORDED, [NEGATED, GYROSCOPE]),  # the fault first, never more than two
+        ([AT_LIMIT, GYROSCOPE], [GYROSCOPE]),  # a sensor once
         (RECORDED[:3], [AT_LIMIT]),  # what no figure's reason names stays folded
         (RECORDED[:2], []),
     ],
