@@ -20,9 +20,16 @@ from handscope.estimators.finger_ekf import mounting_change, sensor_to_segment
 from handscope.estimators.finger_ekf.between_chains import hand_bias, hand_mounting
 from handscope.estimators.finger_ekf.between_chains.chain_estimates import Estimates
 from handscope.estimators.finger_ekf.chain_state import ChainState, Joints, Window
+from handscope.estimators.finger_ekf.joint_acceleration import block_sums, heading_update
+from handscope.estimators.finger_ekf.joint_acceleration.block_sums import Readings
+from handscope.estimators.finger_ekf.joint_acceleration.heading_update import (
+    JointAcceleration,
+    Noise,
+)
 from handscope.estimators.finger_ekf.kernel_params import KernelParams
 from handscope.estimators.finger_ekf.magnetic_heading import MagnetometerParams
 from handscope.estimators.finger_ekf.measurements import IS_FREE, LIMITS, UpdateParams
+from handscope.estimators.finger_ekf.samples import Samples
 from handscope.estimators.finger_ekf.sensor_to_segment import (
     ERROR,
     SIZE,
@@ -30,6 +37,7 @@ from handscope.estimators.finger_ekf.sensor_to_segment import (
     SensorToSegmentPrior,
 )
 from handscope.estimators.finger_ekf.update_kernels import (
+    MAX_GAP_VARIANCE,
     extend_windows,
     find_window_end,
     joint_covariance,
@@ -97,42 +105,19 @@ class FilterParams(UpdateParams, SensorToSegmentParams, MagnetometerParams):
         "tell the filters of thumb and wrist what those of the other fingers learn of how the hand's sensor sits",
         "ours: docs/decisions/0021-shared-mounting.md",
     )
-
-
-@dataclass(frozen=True)
-class Samples:
-    """Aligned samples of F chains."""
-
-    t: Array  # (n,) s
-    # (n, F, 4, 3) rad, rotation since the sample before as a vector in the sensor's frame; 0 where
-    # nothing is known
-    turn: Array
-    bias_time: Array  # (n, F, 4) s of the gyroscope's bias that is in `turn`
-    # (n, F, 4, 3) m/s^2, specific force, or gravity as the sensor's own fusion sees it; NaN where
-    # it must not be used
-    acc: Array
-    rotation_variance: Array  # (n, F, 4) rad^2, variance of what `turn` may have missed
-    known: Bools  # (n, F, 3) both segments of the joint are measured
-    q_first: Array  # (n, F, 3, 4) q_pc to start a joint from that was not known before
-    # (n, F, 2, 3) uT, fields at the chain's first and last sensor, NaN where not known; None: not
-    # asked for
-    mag: Array | None = None
-
-    def __len__(self) -> int:
-        return len(self.t)
-
-    def between(self, part: slice) -> "Samples":
-        """Some of the rows."""
-        return Samples(
-            self.t[part],
-            self.turn[part],
-            self.bias_time[part],
-            self.acc[part],
-            self.rotation_variance[part],
-            self.known[part],
-            self.q_first[part],
-            None if self.mag is None else self.mag[part],
-        )
+    joint_acceleration: bool = option(
+        True,
+        "",
+        "hold the thumb's heading against the hand by the acceleration that both feel at their joint",
+        "Kok et al. 2014; Weygers & Kok 2020; ours: docs/decisions/0025-accelerations-at-the-thumbs-base.md",
+    )
+    joint_acceleration_noise: float = option(
+        0.05,
+        "m/s^2/sqrt(Hz)",
+        "how much these accelerations differ, beyond what lever arms, biases and scales explain; more where a recording shows more",
+        "ours: docs/decisions/0025-accelerations-at-the-thumbs-base.md",
+        least=1e-4,
+    )
 
 
 @dataclass(frozen=True)
@@ -183,6 +168,7 @@ class State:
     is_hand: bool = False  # the chains are the thumb, the four fingers and the wrist of one hand
     reported: hand_bias.Reported | None = None  # None: nothing yet
     shared_mounting: hand_mounting.Shared | None = None  # None: nothing yet
+    joint_acceleration: JointAcceleration | None = None  # None: nothing yet
     history: mounting_change.History | None = None  # None: nothing yet
     mounting_changes: tuple[MountingChange, ...] = ()
 
@@ -266,11 +252,15 @@ def step(params: FilterParams, state: State, samples: Samples) -> tuple[State, E
             )
             continue
         _accumulate(state, samples, slice(first, int(last)), q_joint)
+        if (block := state.joint_acceleration) is not None and samples.at_joint is not None:
+            at_joint = _rows(samples.at_joint, slice(first, int(last)))
+            block_sums.accumulate(at_joint, block.unknowns, block.sums)
         first = int(last)
         newest = float(samples.t[first - 1])
         if not closes:
             state = replace(state, newest=newest)
             continue
+        state = _interrupt_after_gap(state)
         P.append(_close_window(kernel_params, state, samples, first - 1, q_joint))
         update_rows.append(first - 1)
         state = replace(state, newest=newest, t=newest)
@@ -278,6 +268,8 @@ def step(params: FilterParams, state: State, samples: Samples) -> tuple[State, E
             state = _share_bias(params, state)
         if params.shared_mounting and state.is_hand:
             state = _share_mounting(params, state)
+        if samples.at_joint is not None and state.is_hand:
+            state = _hold_thumb(params, state, _rows(samples.at_joint, slice(first - 1, first)))
         if params.mounting_changes and state.is_hand:
             state = _look_for_mounting_change(state)
     return state, Estimate(
@@ -288,7 +280,13 @@ def step(params: FilterParams, state: State, samples: Samples) -> tuple[State, E
 def _owned(state: State) -> State:
     """With arrays of its own, contiguous floats, where kernels fill arrays: what they write does not reach the state that `step` was given."""
     window, chains = Window(*_copies(state, Window)), ChainState(*_copies(state, ChainState))
-    return replace(state, **window._asdict(), **chains._asdict())
+    block = state.joint_acceleration
+    return replace(
+        state,
+        **window._asdict(),
+        **chains._asdict(),
+        joint_acceleration=None if block is None else heading_update.copied(block),
+    )
 
 
 def _accumulate(state: State, samples: Samples, rows: slice, q_joint: Array) -> None:
@@ -366,6 +364,45 @@ def _share_mounting(params: FilterParams, state: State) -> State:
     return replace(state, shared_mounting=shared._replace(t=state.t), **chains._asdict())
 
 
+def _rows(readings: Readings, part: slice) -> Readings:
+    """Some of the rows, as kernels take them."""
+    return Readings(*(np.ascontiguousarray(of_rows[part]) for of_rows in readings))
+
+
+def _interrupt_after_gap(state: State) -> State:
+    """No block of accelerations goes over a gap that has cost a fusion its heading."""
+    block = state.joint_acceleration
+    if block is None or state.rotation_variance[hand_bias.THUMB, :2].max() <= MAX_GAP_VARIANCE:
+        return state
+    return replace(state, joint_acceleration=heading_update.interrupted(block))
+
+
+def _hold_thumb(params: FilterParams, state: State, newest: Readings) -> State:
+    """Correct the heading of the thumb's metacarpal by a block of accelerations, if one is over, and begin the next."""
+    block, thumb, q_EB = state.joint_acceleration, hand_bias.THUMB, newest.q_EB[0]
+    if not state.known[thumb, 0] or not np.isfinite(q_EB).all():
+        return state
+    if block is not None and state.t - block.begun < heading_update.EVERY - 1e-9:
+        return state
+    if block is not None:
+        up = state.up[thumb, 1]
+        chains = Estimates(*_copies(state, Estimates))
+        own = Estimates(*(of_all[thumb] for of_all in chains))
+        block, corrected = heading_update.close(
+            Noise(params.joint_acceleration_noise, params.correlation),
+            block,
+            own,
+            up,
+            q_EB,
+            state.t,
+        )
+        for of_all, of_thumb in zip(chains, corrected):
+            of_all[thumb] = of_thumb
+        state = replace(state, **chains._asdict())
+    begun = heading_update.begin(state.t, state.q_pc[thumb, 0], q_EB, block)
+    return replace(state, joint_acceleration=begun)
+
+
 def _look_for_mounting_change(state: State) -> State:
     """Close a block of what tells of turned sensors, if it is time, and widen the mounting of one that has turned."""
     history = state.history
@@ -433,7 +470,15 @@ def _start_joints(
         P[np.ix_([f], own, np.arange(SIZE))] = 0.0
         P[np.ix_([f], np.arange(SIZE), own)] = 0.0
         P[np.ix_([f], own, own)] = posed[np.ix_([f], own, own)]
-    state = replace(state, q_pc=q_pc, P=P, known=samples.known[row].copy(), shared_mounting=None)
+    block = state.joint_acceleration
+    state = replace(
+        state,
+        q_pc=q_pc,
+        P=P,
+        known=samples.known[row].copy(),
+        shared_mounting=None,
+        joint_acceleration=None if block is None else heading_update.interrupted(block),
+    )
     return _owned(state)
 
 

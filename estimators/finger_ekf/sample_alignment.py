@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.samples import ACC, GYR, MAG, SATURATION, Block, Stream, exceeds_row
 from handscope.estimators.data.trajectory import Flag
-from handscope.estimators.finger_ekf.filter import Samples
+from handscope.estimators.finger_ekf.joint_acceleration.block_sums import Readings
 from handscope.estimators.finger_ekf.mounting_change import SENSORS
+from handscope.estimators.finger_ekf.samples import Samples
 from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
@@ -152,11 +153,11 @@ def buffer_blocks(
 
 
 def align_samples(
-    state: State, rows: Rows, q_GB: Array, instant: bool, fused: bool
+    state: State, rows: Rows, q_GB: Array, instant: bool, fused: bool, at_joint: bool = False
 ) -> tuple[State, Samples]:
     """The filters' samples at the rows, orientations q_GB (n, segments, 4) fused at the same;
     `instant`: gyroscopes tell the rate at the sample; `fused`: the vertical is that of the
-    orientations, else the accelerometers'."""
+    orientations, else the accelerometers'; `at_joint`: with what is felt at the thumb's base."""
     q_first, variance_first = (
         (q_GB[0], rows.rotation_variance[0])
         if state.q_GB is None or state.rotation_variance is None
@@ -172,7 +173,9 @@ def align_samples(
             arrived = StreamReadings(
                 _for_kernel(w.t), _for_kernel(w.gyr), _for_kernel(w.acc), w.worn.segments, w.period
             )
-            place_readings(arrived, _for_kernel(rows.t), dt, instant, fused, readings)
+            place_readings(
+                arrived, _for_kernel(rows.t), dt, instant, at_joint or not fused, readings
+            )
     unposed, appears = _appearing_sensors(state.unposed, q_GB)
     more = appears + state.noisy * dt[:, None]
     orientations = FusedRows(
@@ -209,7 +212,16 @@ def align_samples(
         known > 0,
         q_first,
         _chain_fields(state.waiting.values(), rows.t),
+        _at_thumbs_base(rows.t, turn, bias_time, readings, q_GB) if at_joint else None,
     )
+
+
+def _at_thumbs_base(
+    t: Array, turn: Array, bias_time: Array, readings: SegmentReadings, q_GB: Array
+) -> Readings:
+    """What the hand's and the thumb metacarpal's sensor feel."""
+    both = SENSORS[0, :2]
+    return Readings(t, turn[:, 0, :2], bias_time[:, 0, :2], readings.acc[:, both], q_GB[:, both])
 
 
 def _first_rotations(posed: Array, q_GB: Array, q_first: Array) -> Array:
@@ -406,7 +418,7 @@ def place_readings(
     t: Array,
     dt: Array,
     instant: bool,
-    fused: bool,
+    forces: bool,
     readings: SegmentReadings,
 ) -> None:
     """Fill a stream's own rates where it has a sample at the row and the one before, and its
@@ -425,7 +437,7 @@ def place_readings(
                 own[a] = (
                     0.5 * (gyr[after, w, a] + gyr[before, w, a]) if instant else gyr[after, w, a]
                 )
-                if not fused and (at == t[n] or inside):
+                if forces and (at == t[n] or inside):
                     readings.acc[n, s, a] = (
                         acc[after, w, a]
                         if at == t[n]

@@ -33,6 +33,7 @@ from handscope.estimators.finger_ekf import (
 from handscope.estimators.finger_ekf.filter import FilterParams
 from handscope.estimators.finger_ekf.mounting_change import SENSORS
 from handscope.estimators.finger_ekf.output_covariance import JOINTS_OF
+from handscope.estimators.finger_ekf.samples import Samples
 from handscope.estimators.finger_ekf.sensor_to_segment import SensorToSegmentPrior
 from handscope.estimators.hand import joint_angles, length_covariance
 from handscope.estimators.hand import pose as hand_pose
@@ -292,6 +293,7 @@ def _hand(params: Params, state: State, rows: resampling.Rows) -> tuple[State, T
         q_GB,
         params.gyr_reading == "instant",
         params.vertical == "fused",
+        params.joint_acceleration,
     )
     pieces, first = [], 0
     while (pending := _next_due(state, samples.t[-1])) is not None:
@@ -337,7 +339,7 @@ def _pose_rows(
     state: State,
     every: resampling.Rows,
     every_q_GB: Array,
-    every_sample: finger_ekf_filter.Samples,
+    every_sample: Samples,
     part: slice,
 ) -> tuple[State, Trajectory]:
     """Filters and pose of a part of the rows."""

@@ -11,7 +11,8 @@ from scipy.stats import chi2
 from handscope.estimators.finger_ekf import filter as finger_ekf_filter
 from handscope.estimators.finger_ekf import measurements as finger_ekf_measurements
 from handscope.estimators.finger_ekf import sensor_to_segment
-from handscope.estimators.finger_ekf.filter import FilterParams, Samples, State
+from handscope.estimators.finger_ekf.filter import FilterParams, State
+from handscope.estimators.finger_ekf.samples import Samples
 from handscope.estimators.finger_ekf.sensor_to_segment import SensorToSegmentPrior
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.numerics import quaternions as quat
@@ -361,13 +362,7 @@ def test_samples_may_be_cut_anywhere(where: list[int]) -> None:
     whole_state, whole = finger_ekf_filter.step(WHITE, state, samples)
     pieces, update_rows = [], []
     for a, b in zip([0, *where], [*where, len(samples)]):
-        state, piece = finger_ekf_filter.step(
-            WHITE,
-            state,
-            Samples(
-                *(getattr(samples, n)[a:b] for n in Samples.__dataclass_fields__ if n != "mag")
-            ),
-        )
+        state, piece = finger_ekf_filter.step(WHITE, state, samples.between(slice(a, b)))
         pieces.append(piece)
         update_rows.append(piece.update_rows + a)
     np.testing.assert_array_equal(np.concatenate([p.q_joint for p in pieces]), whole.q_joint)

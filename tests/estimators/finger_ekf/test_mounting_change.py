@@ -70,7 +70,7 @@ def test_a_sensor_that_turns_is_named_within_ten_seconds(
 
 @pytest.mark.parametrize(("seed", "movement"), [(s, m) for s, m, _ in SLIPS])
 def test_after_a_turn_standard_deviations_are_as_large_as_errors(seed: int, movement: str) -> None:
-    """Mean normalised error squared of all angles from the notice on; without noticing it is 2 to 30."""
+    """Mean normalised error squared of all angles from the notice on; without noticing it is 2 to 30. Less than 1, as all mountings are known better than one that has just turned."""
     recording, moved = recorded(17.0, seed, movement), processed(17.0, seed, movement).trajectory
     noticed = processed(17.0, seed, movement).suspicions[0].spans[0][1]
     assert moved.angles_sd is not None
@@ -78,7 +78,7 @@ def test_after_a_turn_standard_deviations_are_as_large_as_errors(seed: int, move
     at = np.searchsorted(recording.truth.t, moved.t[rows] - 1e-6)
     error = angle_difference(moved.angles[rows], recording.truth.angles[at])
     squares = (error / moved.angles_sd[rows])[:, IS_DOF] ** 2
-    assert 0.3 < np.nanmean(squares) < 2.5
+    assert 0.25 < np.nanmean(squares) < 2.5
 
 
 @pytest.mark.parametrize(("seed", "movement"), [(5, "free"), (6, "tapping"), (7, "AF-F2")])

@@ -18,7 +18,7 @@ from handscope.estimators.finger_ekf import output_covariance
 from handscope.estimators.hand import forward_kinematics, joint_angles
 from handscope.estimators.hand.anatomy import FINGERS, IS_DOF, JOINT, JOINTS, SEGMENT, Hand
 from handscope.estimators.hand.forward_kinematics import CHAIN_JOINTS
-from handscope.estimators.hand.geometry import sized
+from handscope.estimators.hand.geometry import HandGeometry, sized
 from handscope.estimators.methods import ekf
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
@@ -31,6 +31,8 @@ from handscope.estimators.simulation.experiments import (
     record_experiment,
 )
 from handscope.estimators.simulation.joint_compliance import AS_MEASURED
+from handscope.estimators.simulation.movements import guided_movements, task_performance
+from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.scenario import Simulated, simulate
 from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
 from tests.simulated import (
@@ -213,7 +215,7 @@ def test_standard_deviations_are_honest_with_sensors_of_another_quality(
 
 def test_a_functional_calibration_tells_how_well_it_is_known_how_the_sensors_sit() -> None:
     """Sensors misaligned by 20-30 deg: the movements' calibration and its covariance are used, and
-    the angles are as good as told."""
+    the angles are as good as told. Accelerations at the thumb's base, which tell a part of the same, are left out."""
     errors = replace(SensorErrors(), misalignment=25.0, misalignment_width=5.0)
     recording = record_experiment(
         experiments.EXPERIMENTS["free"],
@@ -226,7 +228,8 @@ def test_a_functional_calibration_tells_how_well_it_is_known_how_the_sensors_sit
     )
     found: list[Array] = []
     for functional in (True, False):
-        moved = process(ekf, replace(PARAMS, functional=functional), recording).trajectory
+        params = replace(PARAMS, functional=functional, joint_acceleration=False)
+        moved = process(ekf, params, recording).trajectory
         assert moved.angles_sd is not None
         error = (moved.angles - recording.truth.angles)[judged_samples(recording)][:, IS_DOF]
         found += [
@@ -337,6 +340,28 @@ def test_what_the_fingers_tell_thumb_and_wrist_comes_back_to_none_of_them() -> N
     np.testing.assert_array_equal(moved.angles[:, ~are_told], expected.angles[:, ~are_told])
     for joint in ("thumb_cmc", "wrist"):
         assert (moved.angles[:, JOINT[joint]] != expected.angles[:, JOINT[joint]]).any()
+
+
+def test_accelerations_hold_the_thumb_where_gyroscopes_drift() -> None:
+    """Two and a half minutes without a rest, biases that walk five times as fast as usual; the last half minute of four people."""
+
+    def perform(geometry: HandGeometry, rng: np.random.Generator) -> tuple[Performance, ...]:
+        return (
+            task_performance.initial_pose(geometry),
+            guided_movements.free(geometry, rng, duration=150.0),
+        )
+
+    moving = replace(experiments.EXPERIMENTS["free"], perform=perform)
+    squares: dict[bool, list[float]] = {False: [], True: []}
+    for seed in range(8, 12):
+        rng, errors = np.random.default_rng(seed), SensorErrors(gyr_bias_walk=0.005)
+        whole = record_experiment(moving, rng, errors, None)
+        for held, found in squares.items():
+            moved = _tracked(whole, replace(PARAMS, bias_walk=0.005, joint_acceleration=held))
+            late = moved.t > moved.t[-1] - 30.0
+            error = (moved.angles - whole.truth.angles)[late, JOINT["thumb_cmc"]]
+            found.append(float((error**2).mean()))
+    assert np.sqrt(np.mean(squares[True])) < 0.7 * np.sqrt(np.mean(squares[False]))
 
 
 @pytest.mark.parametrize("missing", ["index", "forearm"])

@@ -1,0 +1,160 @@
+"""Heading of the thumb's metacarpal against the hand, held by the acceleration that both feel at their joint.
+
+In      sums over a block of movement (block_sums.py), the thumb's chain
+Out     the chain with its first joint's heading corrected; what was learnt of lever arms, accelerometers and noise
+Source  relative heading from a common joint's acceleration: Kok et al. 2014, IFAC 47:79; Weygers & Kok 2020, IEEE Sens J 20:7969. Ours: block by block, with lever arms, biases and
+        scales estimated along; the noise is that of the block's residuals, or larger as the innovations show (covariance matching, as in joint_compliance.py)
+Limits  a hand that is not accelerated sideways tells nothing; lever arms and accelerometers are estimated with the block's heading as unknown, and
+        what they err by counts as noise of each block of its own
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from handscope.estimators.finger_ekf.between_chains import chain_estimates
+from handscope.estimators.finger_ekf.between_chains.chain_estimates import Estimates
+from handscope.estimators.finger_ekf.joint_acceleration import block_sums
+from handscope.estimators.finger_ekf.joint_acceleration.block_sums import (
+    BOX,
+    DIFFERENCE,
+    HEADING,
+    UNKNOWNS,
+    BlockSums,
+)
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.typing import Array
+
+EVERY = 10.0  # s; longer than errors of inclination last, shorter than a heading takes to drift
+LEAST = 20.0  # boxes in a block
+# m of a joint from a sensor, m/s^2, and of 1: standard deviations before anything is known, ours
+LEVER, ACC_BIAS, ACC_SCALE = 0.06, 0.1, 0.005
+PRIOR = np.repeat([LEVER, ACC_BIAS, ACC_SCALE], [6, 6, 18]) ** 2
+FORGOTTEN = 36000.0  # s after which nothing is known any more: seats and skin change
+ASSUMED = 2.0  # blocks that noise as expected counts as
+UNLIKELY = 9.0  # squared sd beyond which a block is downweighted
+FIRST = slice(0, 3)  # error states of the chain's first joint
+
+
+class Noise(NamedTuple):
+    """What accelerations at the joint differ by, beyond what the unknowns explain."""
+
+    density: float  # (m/s^2)/sqrt(Hz), at least
+    correlation: float  # s over which what a block shows stays alike
+
+
+@dataclass(frozen=True)
+class JointAcceleration:
+    """What is known of the two sensors, and the sums of the open block."""
+
+    begun: float  # s
+    heading: float  # rad, of the second fusion against the first when the block began
+    sums: BlockSums
+    unknowns: Array  # (UNKNOWNS,) m, m/s^2, 1
+    P: Array  # (UNKNOWNS, UNKNOWNS)
+    noise_stats: Array  # (2,) weighted sum of squared innovations over what was expected of them, and of weights
+
+
+def begin(
+    t: float, q_pc: Array, q_EB: Array, before: JointAcceleration | None = None
+) -> JointAcceleration:
+    """A block from now on, at joint q_pc (4,) and orientations q_EB (2, 4) by the fusions."""
+    heading = heading_between(q_pc, q_EB)
+    sums = block_sums.begin(t, heading)
+    if before is not None:
+        return replace(before, begun=t, heading=heading, sums=sums)
+    return JointAcceleration(t, heading, sums, np.zeros(UNKNOWNS), np.diag(PRIOR), np.zeros(2))
+
+
+def interrupted(state: JointAcceleration) -> JointAcceleration:
+    """Without the open block; the next begins with the next update."""
+    return replace(state, begun=-math.inf, sums=block_sums.begin(0.0, 0.0))
+
+
+def copied(state: JointAcceleration) -> JointAcceleration:
+    """With sums of its own, which a kernel may fill."""
+    return replace(state, sums=BlockSums(*(x.copy() for x in state.sums)))
+
+
+def heading_between(q_pc: Array, q_EB: Array) -> float:
+    """By how much the second fusion's frame is turned against the first's (rad), as the joint q_pc has it."""
+    q = quat.multiply(quat.multiply(q_EB[0], q_pc), quat.conjugate(q_EB[1]))
+    return 2 * math.atan2(q[3], q[0])
+
+
+def close(
+    noise: Noise, state: JointAcceleration, thumb: Estimates, up: Array, q_EB: Array, t: float
+) -> tuple[JointAcceleration, Estimates]:
+    """End the block at t: what it tells of the heading corrects the thumb's chain, `up` (3,) is the vertical in its metacarpal's sensor."""
+    if state.sums.gram[0] < LEAST:
+        return state, thumb
+    normal = detrended(state.sums)
+    energy = normal[HEADING, HEADING]
+    if energy <= 0:
+        return state, thumb
+    share = normal[HEADING, :UNKNOWNS] / energy
+    seen = float(normal[HEADING, DIFFERENCE] / energy - share @ state.unknowns)
+    own = float(up @ thumb.P[FIRST, FIRST] @ up)
+    systematic = float(share @ state.P @ share)
+    density = noise_density(noise, residual(state, normal, seen))
+    variance = excess(state.noise_stats) * density / (energy * BOX) + 0.5 * own**2
+    # the heading that is believed is that of the middle of the block
+    moved = wrapped(heading_between(thumb.q_pc[0], q_EB) - state.heading)
+    innovation, S = seen - 0.5 * moved, own + systematic + variance
+    ratio = (innovation**2 - own - systematic) * energy * BOX / density
+    weight = (variance / S) ** 2
+    unknowns, P = _learnt(state, normal, share, variance * energy, t)
+    state = replace(
+        state,
+        unknowns=unknowns,
+        P=P,
+        noise_stats=state.noise_stats + weight * np.array([ratio, 1.0]),
+    )
+    if innovation**2 > UNLIKELY * S:
+        S = innovation**2
+    gain = thumb.P[:, FIRST] @ up / S
+    P_thumb = thumb.P - S * np.outer(gain, gain)
+    return state, chain_estimates.corrected(thumb, gain * innovation, P_thumb)
+
+
+def detrended(sums: BlockSums) -> Array:
+    """Normal equations (COLUMNS, COLUMNS) without a constant and a slope of each component."""
+    n, time, squared = sums.gram
+    G = np.linalg.inv(np.array([[n, time], [time, squared]]))
+    lower = sums.normal
+    full = lower + np.tril(lower, -1).T
+    return np.asarray(full - np.einsum("aik,ij,ajl->kl", sums.trend, G, sums.trend))
+
+
+def residual(state: JointAcceleration, normal: Array, heading: float) -> float:
+    """Mean square of a component (m/s^2)^2 that the unknowns and a heading leave of the differences."""
+    x = np.concatenate([-state.unknowns, [-heading, 1.0]])
+    return max(float(x @ normal @ x), 0.0) / (3.0 * float(state.sums.gram[0]))
+
+
+def noise_density(noise: Noise, mean_square: float) -> float:
+    """(m/s^2)^2 s of what differs by so much and stays alike for `noise.correlation`, at least as usual."""
+    return max(noise.density**2, mean_square * noise.correlation)
+
+
+def excess(stats: Array) -> float:
+    """How many times larger innovations show the density to be, 1 at least."""
+    return max(float((ASSUMED + stats[0]) / (ASSUMED + stats[1])), 1.0)
+
+
+def wrapped(angle: float) -> float:
+    """Between -pi and pi."""
+    return math.remainder(angle, 2 * math.pi)
+
+
+def _learnt(
+    state: JointAcceleration, normal: Array, share: Array, noise: float, t: float
+) -> tuple[Array, Array]:
+    """Unknowns and their covariance, the block's heading being whatever it is; `noise` (m/s^2)^2 of a box."""
+    A = normal[:UNKNOWNS, :UNKNOWNS] - normal[HEADING, HEADING] * np.outer(share, share)
+    b = normal[:UNKNOWNS, DIFFERENCE] - normal[HEADING, DIFFERENCE] * share
+    information = np.linalg.inv(state.P + np.diag(PRIOR) * (t - state.begun) / FORGOTTEN)
+    P = np.linalg.inv(information + A / noise)
+    return P @ (information @ state.unknowns + b / noise), 0.5 * (P + P.T)
