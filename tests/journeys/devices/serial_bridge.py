@@ -154,18 +154,21 @@ def bridged(address: Path | str) -> Iterator[Bridge]:
     bridge = Bridge(port)
     reader = threading.Thread(target=bridge.read_glove, daemon=True)
     reader.start()
-    with serve(bridge.serve, "127.0.0.1", 0, compression=None) as server:
-        bridge.url = f"ws://127.0.0.1:{server.socket.getsockname()[1]}"
-        running = threading.Thread(target=server.serve_forever, daemon=True)
-        running.start()
-        try:
-            yield bridge
-        finally:
-            bridge.stop()
-            server.shutdown()
-            running.join(10)
-    reader.join(10)
-    port.close()
+    try:
+        with serve(bridge.serve, "127.0.0.1", 0, compression=None) as server:
+            bridge.url = f"ws://127.0.0.1:{server.socket.getsockname()[1]}"
+            running = threading.Thread(target=server.serve_forever, daemon=True)
+            running.start()
+            try:
+                yield bridge
+            finally:
+                bridge.stop()
+                server.shutdown()
+                running.join(10)
+    finally:  # a glove whose port stays open is nobody else's
+        bridge.stop()
+        reader.join(10)
+        port.close()
 
 
 class Line:
