@@ -87,6 +87,7 @@ def test_a_recording_of_the_right_hand_gives_what_its_mirror_image_of_the_left_d
         assert quat.angle(quat.relative(q_BS, right.q_BS[segment])) < 0.1 * DEG
 
 
+@pytest.mark.slow
 def test_a_sensor_on_its_head_is_no_different() -> None:
     """Nominal mounting not known at all: turned by 180 and 90 deg, and nobody says so."""
     recording = done("left")
@@ -275,6 +276,7 @@ def test_a_glove_with_two_strips_and_a_forearm_of_another_rate_is_calibrated() -
     )
 
 
+@pytest.mark.slow
 def test_even_the_hands_sensor_may_sit_in_any_way() -> None:
     recording = done("left")
     imu = recording.samples["imu"]
