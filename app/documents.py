@@ -73,7 +73,7 @@ class Documents:
         except DiedError:
             raise InputError(ENDED) from None
         finally:
-            done.cancel()  # else what is ended would be told as an error that nobody heard
+            done.cancel()  # else a cancelled task would be logged as an error that was never retrieved
             if not waiting.cancel():
                 self._stop(wish)
 

@@ -1,6 +1,6 @@
 """Imported only by the process that worker processes are forked from, so that they start with what they need.
 
-It ends when no process is left that could ask it for another; signals do not end it, since it alone knows how a
+It ends when no process is left that could ask it for another; signals do not end it, since it alone can tell how a
 process ended.
 """
 

@@ -22,7 +22,7 @@ class Pending:
 
 
 class PendingLogins:
-    """Tickets; a server that is started anew knows none, and the login begins again."""
+    """Tickets; a server that restarts has none, and the login begins again."""
 
     def __init__(self) -> None:
         self._pending: OrderedDict[str, Pending] = OrderedDict()

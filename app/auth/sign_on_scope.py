@@ -1,3 +1,3 @@
-"""What is asked of a provider of single sign-on (oidc.py), unless told otherwise; without the database, for a command's help."""
+"""What is asked of a provider of single sign-on (oidc.py), unless configured otherwise; without the database, for a command's help."""
 
 SCOPE = "openid profile"

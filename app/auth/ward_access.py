@@ -78,7 +78,7 @@ def sees_now(store: Store, account: str, session: int) -> bool:
 
 
 async def wait_until_hidden(store: Store, account: str, session: int, every: float) -> None:
-    """Return once the account no longer sees the session, asked every so many seconds; a database that is away hides nothing."""
+    """Return once the account no longer sees the session, asked every so many seconds; a database that cannot be reached hides nothing."""
     seen = True
     while seen:
         await asyncio.sleep(every)

@@ -168,5 +168,5 @@ def _table(recording: LoadedRecording, solved: dict[str, SolvedCalibration]) -> 
 
 
 def _plain(values: Array) -> Any:
-    """Numbers as lists, null where not observed: JSON knows no infinity."""
+    """Numbers as lists, null where not observed: JSON has no infinity."""
     return [_plain(v) if np.ndim(v) else float(v) if np.isfinite(v) else None for v in values]

@@ -65,7 +65,7 @@ class ComparedMovement:
     trajectory: Trajectory
     events: tuple[Event, ...]
     checksum: str  # of a raw recording; "" otherwise
-    in_wrist: bool = False  # places of tips are told in the wrist's frame
+    in_wrist: bool = False  # positions of tips are in the wrist's frame
 
 
 def add(parser: argparse.ArgumentParser) -> None:

@@ -28,7 +28,7 @@ from handscope.sessions.files.recorder import Recorder
 FORWARD = 4096  # chunks that wait for a slow server, about 16 MB; then the oldest go
 TOGETHER = 1024  # chunks that go to the disk in one write where it is slow
 RETRY = 0.5  # s between two tries to open a port that went away
-KEEP_EVERY = 0.5  # s between two syncs to the disk that a browser's relay is told of
+KEEP_EVERY = 0.5  # s between two syncs to the disk that a browser's relay is notified of
 SHOW_EVERY = 0.3  # s between two pictures of a source's sensors
 PLACES = "tracker_places"  # name of this metadata
 SILENCE = 5.0  # s without a byte after which a network connection counts as lost: a cable that was cut says nothing

@@ -1,4 +1,4 @@
-"""A glove in use: its recording process, what it sends as blocks, what it is told.
+"""A glove in use: its recording process, its samples as blocks, commands to it.
 
 port -> bytes -> recording process (first, always) -> decoder -> blocks -> `on_blocks`, called in the glove's own thread
 """
@@ -69,7 +69,7 @@ class Glove:
         self.trackers: list[dict[str, Any]] = []  # sensors of a source, a row each
         self.decoding_failures = 0
         self.received = 0  # bytes, of a glove or of anything else
-        # to be told to the assembler with the next chunk
+        # to be passed to the assembler with the next chunk
         self._worn_on: Mapping[str, str] | None = None
         self._encoder = Encoder()
         self._sending = threading.Lock()

@@ -77,7 +77,7 @@ def require_allowed(port: str, patterns: Sequence[str]) -> None:
 
 
 def require_address(url: str) -> None:
-    """Refuse what is not exactly SCHEME://HOST:PORT, so that a pattern sees what is opened; InputError."""
+    """Refuse what is not exactly SCHEME://HOST:PORT, so that patterns match what is opened; InputError."""
     if is_source(url):
         parse_source(url)
         return

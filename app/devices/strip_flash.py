@@ -19,7 +19,7 @@ ANSWER = 2.0  # s that a reply may take: a page of flash is erased in less than 
 def write(
     path: str, calibrations: Mapping[str, ImuCalibration], strip_ids: Mapping[str, str]
 ) -> list[str]:
-    """Write by tracked point and verify; `strip_ids` are those that the recording told. Gives the points written; InputError where one cannot be."""
+    """Write by tracked point and verify; `strip_ids` are those in the recording. Gives the points written; InputError where one cannot be."""
     with Talk.at(path) as talk:
         talk.ask(wire.Stop())
         talk.ask(wire.Identify())

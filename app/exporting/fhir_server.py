@@ -27,7 +27,7 @@ TOKEN_URL, SCOPES = "HANDSCOPE_FHIR_TOKEN_URL", "HANDSCOPE_FHIR_SCOPE"
 
 @dataclass(frozen=True)
 class Credentials:
-    """What a server knows us by; no client: the server asks nobody."""
+    """Our credentials at a server; without a client the server needs none."""
 
     client: str = ""
     secret: str = ""

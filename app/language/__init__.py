@@ -149,7 +149,7 @@ class Language:
         return self._localised(text) if known is None else known
 
     def translate_keys(self, value: Any, keys: Collection[str]) -> Any:
-        """Plain data with the texts under these keys, at any depth, as heard."""
+        """Plain data with the texts under these keys, at any depth, translated."""
         if self.code == DEFAULT:
             return value
         if isinstance(value, Mapping):

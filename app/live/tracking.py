@@ -72,7 +72,7 @@ PATIENCE = 0.1  # s of waiting for a silent strip
 class _PreviousCalibration:
     """The tracker's state before the newest calibration."""
 
-    seen: Mapping[str, float]  # s, newest sample that the state knows, by stream
+    seen: Mapping[str, float]  # s, newest sample in the state, by stream
     calibration: Calibration | None
     state: Any
     findings: tuple[Finding, ...]

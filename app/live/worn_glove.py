@@ -1,4 +1,4 @@
-"""What a station's tick knows of the glove that is worn: samples, movement, and whether it is the right one."""
+"""State of the worn glove for a station's tick: samples, movement, and whether it is the right one."""
 
 import time
 

@@ -103,7 +103,7 @@ class Protocol:
     score: Score | None = None  # asked of the clinician with every trial
     # kept in the recording with every trial, for the measures
     details: Mapping[str, str] = field(default_factory=dict)
-    cue: Annotated[str, Field(max_length=60)] = ""  # what a virtual patient is told to do
+    cue: Annotated[str, Field(max_length=60)] = ""  # what a virtual patient is cued to do
     cue_details: Mapping[str, str] = field(default_factory=dict)
 
     @property

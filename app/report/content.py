@@ -35,7 +35,7 @@ CURVE_POINTS = 500  # of a curve on the page: finer than the print
 
 @dataclass(frozen=True, kw_only=True)
 class Visit:
-    """What the clinic knows of the session; all but the pseudonym may be unknown."""
+    """Facts of the visit; all but the pseudonym may be unknown."""
 
     patient: str  # pseudonym, never a name
     date: datetime | None = None  # aware; None = the recording's own start

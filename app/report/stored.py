@@ -65,7 +65,7 @@ STORED_TYPES: Mapping[str, type] = {
 
 
 def pack(whole: Content) -> bytes:
-    """A content without what the database knows: the visit, the course, the changes, what they are compared with."""
+    """A content without what comes from the database: the visit, the course, the changes, what they are compared with."""
     own = replace(
         whole,
         visit=content.Visit(patient=""),

@@ -27,7 +27,7 @@ WHOLE = "whole recording"  # the task's name where a recording names none (estim
 NAMED = 5  # joints or tasks at most that a sentence names
 CHANGED = 3  # changed figures at most that it names
 LEAST_VOLUME = 1e-4  # m^3 of the places reached, below which a sentence says nothing: a reach to and fro on one line spans none
-LEAST_FORWARD = 0.005  # m; a smaller one back is told as none forward
+LEAST_FORWARD = 0.005  # m; a smaller one backwards is reported as none forwards
 
 
 def summary(content: Content, language: Language) -> list[str]:

@@ -1,6 +1,6 @@
 """A stored result beside a camera's hand landmarks: angles, lag and agreement as `handscope compare` gives them.
 
-A result's stored trajectory is thinned to 60 Hz at least, twice what such a camera sees.
+A result's stored trajectory is thinned to 60 Hz at least, twice the rate of such a camera.
 """
 
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""The report of a stored result, with what the database knows of the visit now and with what it is compared with."""
+"""The report of a stored result, with today's facts of the visit in the database, and with what it is compared with."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -25,7 +25,7 @@ GONE, WRONG_PROTOCOL, NOT_BINARY, TOO_LARGE = 1001, 1002, 1003, 1009  # close co
 async def bridge(websocket: WebSocket, port: int, secret: str, only_looks: bool = False) -> None:
     """Carry messages between a browser and the scene at `port` until either side leaves. Login and Origin are checked before this is called.
 
-    Of a browser that `only_looks`, its camera alone is passed on, which nobody else sees. Nothing is kept here: each pump waits until the other side took a message, so a slow browser slows only its own connection.
+    Of a browser that `only_looks`, only its camera is passed on, which has no effect on others. Nothing is kept here: each pump waits until the other side took a message, so a slow browser slows only its own connection.
     """
     if PROTOCOL not in websocket.scope.get("subprotocols", ()):
         await websocket.close(WRONG_PROTOCOL, "reload the page")

@@ -48,7 +48,7 @@ class Ground:
         )
 
     def lie_below(self, points: Array, seen_from_below: bool) -> None:
-        """Lie just below points (n, 3) of a movement; a viewer below the ground sees the hand without it."""
+        """Lie just below points (n, 3) of a movement; from below the ground the hand is drawn without it."""
         self._height = float(np.clip(points[:, 2].min() - BELOW, LOWEST, HIGHEST))
         self._grid.position = (0.0, 0.0, self._height)
         self._grid.visible = self._shadow.visible = not seen_from_below

@@ -1,7 +1,7 @@
 """A hand in the browser: the patient's hand as it moves, a ghost hand that shows the pose to take, one segment lit, one sentence.
 
 One HandScene owns one viser server and belongs to one station. Every method may be called at any rate and from any thread; what was drawn last
-is what viewers see (at about 57 Hz, or at once after a `picture`), and a viewer who comes later sees the same.
+is shown to viewers (at about 57 Hz, or at once after a `picture`), and to viewers who come later.
 """
 
 import asyncio

@@ -2,7 +2,7 @@
 
 viser has no login and trusts every client. As it comes, any web page open in the clinician's browser may connect to it, any client may have it
 open a public tunnel, and the page it serves runs whatever script a crafted link's foreign server sends. So this one listens on the loopback
-interface only, asks every connection for a random word in place of the Origin no browser can send, serves no page and knows no tunnel.
+interface only, asks every connection for a random word in place of the Origin no browser can send, serves no page and has no tunnel.
 """
 
 import logging

@@ -26,7 +26,7 @@ PATIENCE = 10.0  # s for the scheduler to answer
 
 
 class Worker(Protocol[On]):
-    """What runs one call after the other elsewhere: WorkerProcess tells what each does."""
+    """What runs one call after the other elsewhere: WorkerProcess describes each."""
 
     def do(self, work: Callable[Concatenate[On, P], T], *given: P.args, **named: P.kwargs) -> T: ...
     def stream(

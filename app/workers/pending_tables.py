@@ -1,6 +1,6 @@
 """Tables of other loggers that were uploaded and are being mapped: each waits in a folder of its own until it is imported, or given up.
 
-Only the login that sent a table sees it. The newest MOST of a login are there, for LIFETIME; a server that starts anew has none.
+Only the login that sent a table has access to it. The newest MOST of a login are there, for LIFETIME; a server that starts anew has none.
 """
 
 import re

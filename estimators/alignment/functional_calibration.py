@@ -58,7 +58,7 @@ def combine(
     """The pose's calibration (alignment full or common) with the sensors as the accepted pieces
     say; `mounting`: nominal.
 
-    Pieces with problems are left out. A sensor of which no piece tells an axis keeps what the pose
+    Pieces with problems are left out. A sensor for which no piece gives an axis keeps what the pose
     says; without any axis the pose's calibration stays.
     """
     good = {step: p for step, p in pieces.items() if not p.problems}

@@ -141,7 +141,7 @@ def measure(
     end: float,
     bias: Mapping[str, Array],
 ) -> CalibrationMovement:
-    """What one step tells; `bias`: of the gyroscopes (3,) by segment, from a pose or a still
+    """What one step gives; `bias`: of the gyroscopes (3,) by segment, from a pose or a still
     step."""
     window = [b.between(onset, end) for b in blocks if b.stream.inertial]
     piece = CalibrationMovement(step, onset, end)

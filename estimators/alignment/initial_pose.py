@@ -139,7 +139,7 @@ def _repetition(event: Event) -> int:
 
 
 def _known_angles(event: Event, joint: str, unit: str, otherwise: float) -> Angles:
-    """A joint's angles, or their standard deviations, that the event tells, rad; `otherwise` where it tells none."""
+    """A joint's angles, or their standard deviations, that the event holds, rad; `otherwise` where it holds none."""
     found = []
     for name in joint_angles.ANGLES:
         column = f"{joint}_{name}_{unit}"

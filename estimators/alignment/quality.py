@@ -28,7 +28,7 @@ LIMITS = {  # up to here good, up to here fair
     "turned": (
         15.0 * DEG,
         30.0 * DEG,
-    ),  # rad against the nominal mounting, where only the pose tells
+    ),  # rad against the nominal mounting, where the pose alone determines it
     "fusion": (0.0, 1.0),  # 1: the device's own, of which nothing is known
     "axis": (2.0 * DEG, 5.0 * DEG),  # rad, sd of the flexion axis that movements tell
 }

@@ -1,4 +1,4 @@
-"""What a method knows before it starts: how each sensor sits, its bias, where it points at a given
+"""What a method is given before it starts: how each sensor sits, its bias, where it points at a given
 moment, the hand's geometry."""
 
 from collections.abc import Mapping

@@ -1,5 +1,5 @@
-"""What somebody tells of a plate of magnetometers on the trunk and of a magnet on the hand: with
-the recording, before anything is judged.
+"""What a user declares about a plate of magnetometers on the trunk and of a magnet on the hand: with
+the recording, as it was declared.
 
 Frames  trunk: that of its inertial sensor; hand: that of its inertial sensor. What it must be to be
         used: magnet/model/setup.py

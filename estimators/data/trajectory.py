@@ -98,7 +98,7 @@ class Trajectory:
     q_GS: Array  # (n, segments, 4) segment orientations in the global frame
     tips: Array  # (n, 5, 3) m, ends of the distal bones in the wrist frame WCS, thumb first
     flags: NDArray[np.uint8]  # (n, segments) Flag bits
-    angles_sd: Array | None = None  # (n, joints, 3) rad, where the method knows it
+    angles_sd: Array | None = None  # (n, joints, 3) rad, where the method gives it
     tips_sd: Array | None = None  # (n, 5, 3) m
     # (n, 5, 3) N, exerted by each fingertip on what it touches, in the global frame; NaN where not
     # measured

@@ -5,7 +5,7 @@ Out     Grasps: onset and end
 Source  Kortier, thesis 6.3: a threshold detector acting on the sum of measured forces; two thresholds, so that it does not chatter: ours.
         Ours as well: where thumb and others push at once the weaker side counts twice, which in a pinch is the sum; a sensor whose zero has jumped
         goes on pushing alone, and holds nothing
-Limits  with one force sensor, or where one side tells nothing all the time, a push at the table looks like a grasp
+Limits  with one force sensor, or where one side is never measured, a push at the table looks like a grasp
 """
 
 from collections.abc import Sequence

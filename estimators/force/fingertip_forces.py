@@ -4,7 +4,7 @@ In      the trajectory of a method, the samples of force sensors (with how well 
 Out     the trajectory with forces, of sensors with six axes also torques about the sensors' origins, their standard deviations and flags, and the
         specific force of what is held
 Source  Kortier, thesis 6.2.2: (6.11), (6.13), (6.14); zero.py, interpolation.py, contact.py, tip_orientation.py
-Limits  a cuff holds both sensors rigidly (6.2): the inertial sensor's calibrated mounting tells the force sensor's; a cuff that slips is not seen
+Limits  a cuff holds both sensors rigidly (6.2): the force sensor's mounting follows from the inertial sensor's, which is calibrated; a cuff that slips is not seen
 """
 
 from collections.abc import Mapping, Sequence
@@ -199,7 +199,7 @@ def newest_forces(
 ) -> Array:
     """Forces (5, 3) N of the newest samples in the global frame, as the trajectory's last row has the fingertips; NaN of what is not known.
 
-    For the eye: at once and without what a grasp tells of the tips' orientations.
+    For display: at once, without the corrections of the tips' orientations by a grasp.
     """
     fingers, global_forces = list(zeros), np.full((len(FINGERS), 3), np.nan)
     q_GF, _, _ = _cuff_states(
@@ -327,7 +327,7 @@ def _scales(params: ForceParams, sensors: Sequence[Sensor]) -> Array:
 
 
 def _cuff_sd(params: ForceParams, sensors: Sequence[Sensor]) -> float:
-    """Turn, deg, of the force sensors against the inertial sensors on their cuffs: of those whose calibration tells it and the others together."""
+    """Turn, deg, of the force sensors against the inertial sensors on their cuffs: of those whose calibration has it, and of the others together."""
     each = [
         np.degrees(next(iter(s.block.stream.turn_sd.values()), params.cuff_sd * DEG))
         for s in sensors

@@ -1,10 +1,10 @@
-"""What a force sensor with six axes tells of torques, at every instant of the hand's movement and without its zero.
+"""Torques of a force sensor with six axes, at every instant of the hand's movement and without its zero.
 
 In      a block with the torques of one sensor, when the sensor was free, the instants wanted
 Out     torques (n, 3) Nm that the fingertip exerts about the sensor's origin, in the sensor's frame, and their standard deviation (n,)
 Source  Kortier, thesis 6.2 and 6.4: six axes, read and brought to the filter's rate as the forces are; zero.py, interpolation.py
         What twists: a soft fingertip touches with M = r x F + m n (Bicchi, Salisbury & Brock 1993, Int J Robotics Res 12:249), so that m = M.F / n.F
-Limits  a sensor is free where its forces say so: a torque without a force tells no zero, and is not used
+Limits  a sensor is free where its forces say so: a torque without a force gives no zero, and is not used
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from handscope.estimators.data.samples import TORQUE, Block, exceeds
 from handscope.estimators.force import interpolation, zero
 from handscope.estimators.numerics.typing import Array, Bools
 
-LEVER = 5e-3  # m: interpolation.py knows how forces change; a torque is taken for one of them at this lever; ours
+LEVER = 5e-3  # m: interpolation.py models how forces change; a torque is taken for one of them at this lever; ours
 # Nm: 500 N at a lever of a centimetre; no fingertip does that, the unit is another
 IMPOSSIBLE = 5.0
 BRIDGED = 0.25  # s to the nearest sample, beyond which a torque counts as missing, as forces do
@@ -41,7 +41,7 @@ def read_torques(
 ) -> Torque | None:
     """The torques of a block with one sensor at the instants `at`; None where there are too few.
 
-    `limited` (samples,) are at the end of a range, known or not, and tell nothing; `drift` is that of the zero, Nm a root of a second; `free` tells for instants `t` of its forces whether it touched nothing.
+    `limited` (samples,) are at the end of a range, known or not, and are not used; `drift` is that of the zero, Nm a root of a second; `free` says for instants `t` of its forces whether it touched nothing.
     """
     raw = block.of(TORQUE)[:, 0]
     values = np.where((limited | exceeds(raw, IMPOSSIBLE))[:, None], np.nan, raw)

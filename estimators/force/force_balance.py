@@ -14,7 +14,7 @@ import numpy as np
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
-LEAST = 0.5  # N: who pushes less tells nothing
+LEAST = 0.5  # N: smaller forces are not used
 
 
 def residual_along_push(

@@ -4,7 +4,7 @@ In      force u (n,) N and movement y (n,) m on an even time base t (n,)
 Out     Response: S_uy / S_uu with coherence and standard deviation; Conditions: what of 6.5.1 the data bear out
 Source  Kortier, thesis (6.16) to (6.23): the estimate approaches the load where the hand's own force dominates, and -1/H where other sources do;
         standard deviation: Bendat & Piersol, Random Data, 9.2; thresholds ours
-Limits  that the force is not a reaction to movements cannot be proved from the two signals: a coherence below one tells that something else moves or pushes
+Limits  that the force is not a reaction to movements cannot be proved from the two signals: a coherence below one shows that something else moves or pushes
 """
 
 from dataclasses import dataclass

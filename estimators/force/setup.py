@@ -1,4 +1,4 @@
-"""What somebody tells of the force sensors of a recording: which raw channels they have and what those mean, or how well forces are known that came as such.
+"""What a user declares about the force sensors of a recording: raw channels and their calibration, or the accuracy of forces that are recorded as such.
 
 In      the table `ForceSetup` of a sidecar, by tracked point
 Out     a ForceSetup a point: channels with their units, and the calibration that turns them to N, or N and Nm; docs/motion-bids.md

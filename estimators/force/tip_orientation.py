@@ -1,6 +1,6 @@
 """How fingertips that hold something are turned against each other, without magnetometers: gravity, balance of the forces, and moving together.
 
-In      of S tips with force and inertial sensor on one cuff: orientation q_GF (n, S, 4) as the method tells it, force (n, S, 3) N, specific force (n, S, 3)
+In      of S tips with force and inertial sensor on one cuff: orientation q_GF (n, S, 4) as the method estimates it, force (n, S, 3) N, specific force (n, S, 3)
         and angular rate (n, S, 3) in the cuff's frame F; which instants belong to one grasp
 Out     the turn to be put before q_GF (n, S, 3) rad in the global frame, its covariance (n, 3S, 3S), by how much the forces do not balance
 Source  Kortier, thesis 6.2.2, (6.13), (6.14), gates after Skog et al. 2010. The error state is the turn of every tip, a random walk, and, ours, how each cuff

@@ -135,7 +135,7 @@ class HandGeometry:
 
     @cached_property
     def _arrays(self) -> tuple[Array, Array]:
-        """Both as they are needed at every step of a live view."""
+        """Roots and offsets, computed once: a live view needs them at every step."""
         roots, offsets = (
             np.array([self.joint_positions[root_joint(finger)] for finger in FINGERS]),
             np.zeros((5, 3, 3)),
@@ -181,11 +181,11 @@ def sized(hand: Hand, measures: HandMeasures | None = None) -> HandGeometry:
 def with_finger_lengths(
     geometry: HandGeometry, limb: str, found: Mapping[str, float], off: float = 0.0
 ) -> HandGeometry:
-    """The hand with lengths (m) of a finger, or of the forearm, found from movement; the others of
-    it are off by a share.
+    """The hand with lengths (m) of a finger, or of the forearm, found from movement; lengths of the
+    same limb that were not found are scaled by 1 + off.
 
-    A last phalanx that was measured stays, of a finger whose total was measured it is what is left,
-    else it grows as its finger did.
+    A distal phalanx that was not found keeps its length where it was measured. Where the finger's
+    total was measured it gets what remains of the total, else it is scaled as the others were.
     """
     chain = CHAINS.get(limb, (limb,))
     rest = {s: geometry.lengths[s] for s in chain if s not in found}
@@ -202,10 +202,10 @@ def with_finger_lengths(
 
 
 def _last_length(geometry: HandGeometry, finger: str, found: Mapping[str, float]) -> float:
-    """Of a finger's last phalanx beside the others as they were found, m."""
+    """Length of a finger's distal phalanx, m, where those of the others were found."""
     chain, given = CHAINS[finger], geometry.lengths
     grown = given[chain[-1]] * sum(found.values()) / sum(given[s] for s in found)
-    # the thumb's metacarpal is not of its length
+    # the thumb's metacarpal is no part of its finger length
     counted = set(chain[-len(RATIOS[finger]) - 1 :]) & set(found)
     left = given[chain[-1]] - sum(found[s] - given[s] for s in counted)
     return left if finger in geometry.measured and left >= PLAUSIBLE["segment"][0] else grown
@@ -344,7 +344,7 @@ def _phalanges(
     left."""
     # the thumb's ratio covers its two phalanges
     segments = CHAINS[finger][-len(RATIOS[finger]) - 1 :]
-    share = np.cumprod([1.0, *RATIOS[finger][::-1]])[::-1]  # distal = 1, then up the finger
+    share = np.cumprod([1.0, *RATIOS[finger][::-1]])[::-1]  # distal = 1, then proximally
     known = {s: measured[s] for s in segments if s in measured}
     free = {s: w for s, w in zip(segments, share) if s not in known}
     if not free:

@@ -1,7 +1,7 @@
 """How far the lengths of a sized hand may be off, and which of a finger err together: that follows
 from what was measured.
 
-In      a sized hand that knows what of it was measured
+In      a sized hand, with the names of what was measured
 Out     for each finger the covariance of what its tip depends on: where its root lies and how long
         its three bones are
 Source  a finger whose total was measured leaves its bones only their shares: one that is longer

@@ -1,11 +1,11 @@
-"""How much faster one recording's clock runs than the other's: the lag looked for again in windows, and a line through what they say.
+"""Drift between the clocks of two recordings: the lag estimated in windows, and a robust line through the lags.
 
 In      two signals of the same channels, the lag at which they fit best as a whole (synchronisation.py)
-Out     the lag at the start of what both show, the drift and its standard deviation; applied where it is beyond chance and matters
+Out     the lag at the start of the common stretch, the drift and its standard deviation; the drift is applied where it is significant and large enough
 Source  ours: the sampling errors of crystals are below 1e-4, of computers' and cameras' time stamps below 1e-3; line by weighted least squares,
-        outliers out by Tukey's biweight (Beaton & Tukey 1974, Technometrics 16:147); weight: the variance of a delay estimate (Quazi 1981, IEEE Trans
-        ASSP 29:527) goes with the squared bandwidth and the signal's power against the rest
-Limits  a drift that changes (temperature) is reported as its mean; windows without movement carry no information; from 12 s on
+        outliers are removed by Tukey's biweight (Beaton & Tukey 1974, Technometrics 16:147); weights: the inverse variance of a
+        delay estimate (Quazi 1981, IEEE Trans ASSP 29:527), proportional to the squared bandwidth and the ratio of signal to noise
+Limits  a drift that changes (temperature) is reported as its mean; windows without movement carry no information; needs 12 s
 """
 
 from dataclasses import replace
@@ -28,17 +28,19 @@ from handscope.estimators.measures.synchronisation import (
 )
 from handscope.estimators.numerics.typing import Array
 
-MOST = 1e-3  # of a clock; larger ones are no clocks of one kind
+MOST = 1e-3  # largest drift of a clock that is looked for
 SHORTEST, WINDOWS = 2.0, 24  # s of a window, how many at most
-# windows that tell something: for a line with a standard deviation, and for one without its
-# outliers
+# informative windows: for a line with a standard deviation, and for one with outliers removed
 LEAST, MANY = 6, 10
-FITTING = 0.6  # correlation of a window that tells something
-MOVING = 0.05  # variance of a window against the mean of all
+FITTING = 0.6  # least correlation of an informative window
+MOVING = 0.05  # least variance of an informative window, share of the mean of all
 STEP = 0.02  # s of the search within a window
-PART, TRIED = 120.0, 3  # s of a stretch, how many are tried where the whole fits nowhere
-CHANCE = 1e-3  # how often no drift is taken for one
-MATTERS = 1e-3  # s over what both show: the tenth of a sample
+PART, TRIED = (
+    120.0,
+    3,
+)  # s of a stretch, how many are tried where the recordings do not fit as a whole
+CHANCE = 1e-3  # significance level: how often a drift is found where there is none
+MATTERS = 1e-3  # s over the common stretch, least drift that is applied: a tenth of a sample
 # standard deviations; 95 % as efficient as least squares where there are no outliers
 BIWEIGHT = 4.685
 
@@ -46,7 +48,7 @@ BIWEIGHT = 4.685
 def synchronised_clocks(a: Signal, b: Signal, longest: float = np.inf) -> Lag:
     """The lag of at most `longest` s at which B fits A best, and the drift; InputError where none convinces.
 
-    Hours with a drift fit nowhere as a whole: then the busiest minutes are looked for, and followed from there.
+    Hours with a drift fit at no lag as a whole: then the lag is estimated in the minutes with most movement, and tracked from there.
     """
     try:
         return with_drift(a, b, synchronise(a, b, longest))
@@ -95,7 +97,7 @@ def with_drift(a: Signal, b: Signal, lag: Lag, around: float | None = None) -> L
 
 
 def _busiest_parts(a: Signal) -> list[Signal]:
-    """The stretches of PART s in which most moves, of a signal that is longer than two of them."""
+    """The stretches of PART s with most movement, of a signal that is longer than two of them."""
     count = int((a.t[-1] - a.t[0]) // PART)
     edges = np.linspace(a.t[0], a.t[-1], count + 1) if count > 1 else np.zeros(0)
     parts = [_cut(a, first, last) for first, last in zip(edges[:-1], edges[1:])]
@@ -107,7 +109,7 @@ def _busiest_parts(a: Signal) -> list[Signal]:
 def _track_windows(
     parts: list[Signal], b: Signal, lag: Lag, around: float | None
 ) -> tuple[Array, Array, Array]:
-    """Middle, lag and weight of every window that tells something: from the middle of the movement outwards, each looking near its neighbour."""
+    """Middle, lag and weight of every informative window: from the middle of the movement outwards, each searched near its neighbour's lag."""
     power = np.array([variance(p.values).sum() * len(p.t) if len(p.t) else 0.0 for p in parts])
     ends = np.array([p.t[-1] if len(p.t) else np.inf for p in parts])
     seed = int(
@@ -178,7 +180,7 @@ def _fit_line(t: Array, lags: Array, weights: Array) -> tuple[float, float, floa
 
 
 def _common_stretch(a: Signal, b: Signal, lag: Lag) -> tuple[float, float]:
-    """What both show, on A's clock."""
+    """Beginning and end of the common stretch, on A's clock."""
     return max(float(a.t[0]), float(b.t[0]) + lag.seconds), min(
         float(a.t[-1]), float(b.t[-1]) + lag.seconds
     )

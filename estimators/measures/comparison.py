@@ -128,7 +128,7 @@ def pair_quantities(a: Trajectory, b: Trajectory, lag: float) -> list[Pair]:
 def list_stretches(
     a: Sequence[Event], b: Sequence[Event], lag: float, span: tuple[float, float]
 ) -> list[tuple[str, float, float]]:
-    """Name, onset and end on A's clock of the whole recording and of each task: those of A, or of B where A tells none."""
+    """Name, onset and end on A's clock of the whole recording and of each task: those of A, or of B where A has none."""
     tasks = [(e, 0.0) for e in a if _is_task(e)] or [(e, lag) for e in b if _is_task(e)]
     return [
         (WHOLE, *span),

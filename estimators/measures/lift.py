@@ -3,7 +3,7 @@
 In      a trajectory with fingertip forces, the stretch of time of the task
 Out     means over the lifts: grip force, load force, their ratio, shares, times of the phases, height, work, mass with its standard deviation
 Source  forces and mass: Kortier, thesis ch. 6, (6.5), (6.8), (1.15); phases: grasp at a threshold of force, the object rises (Lang & Schieber, PMC3305822, Fig. 1)
-Limits  a mass is estimated only of an object that the measured fingers lift by themselves; in the thesis it was wrong by 20 to 30 %. What else carries part of it is told
+Limits  a mass is estimated only of an object that the measured fingers lift by themselves; in the thesis it was wrong by 20 to 30 %. Another support of the object is reported
         apart by accelerations alone: of lifts by 0.2 to 0.5 m in a second 1 N nearly always, 0.5 N half of the time, 0.3 N one time in five
 """
 
@@ -34,7 +34,7 @@ WORK = join((KORTIER, phrase("figure_source.power")))
 # m/s^2: of an acceleration error of 5 mm/s^2 that changes within the grasp a tenth; ours
 HEIGHT_ERROR = 5e-4
 WEIGHS = 2.0  # standard deviations above nothing that are asked of a mass: what is held off the table has one
-QUIET = 1e-3  # N: less than any sensor's noise, so that what is left over tells it
+QUIET = 1e-3  # N: less than any sensor's noise, so that the residuals determine the noise
 NONE = phrase("lift.no_force")
 KINDS = kinds(
     Kind("lift_count", "1", phrase("figure_meaning.lift_count"), phrase("figure_source.ours")),
@@ -165,7 +165,7 @@ def measure(
 
 
 def _measure_lift(params: Params, h: GraspPhase) -> LiftedObject | None:
-    """What one grasp tells; None where nothing leaves the table."""
+    """The lifts of one grasp; None where nothing leaves the table."""
     if len(h.t) < 8 or not np.isfinite(h.height).all() or h.height.max() < params.lifted:
         return None
     moving = np.flatnonzero(np.abs(h.speed) > params.moving)

@@ -4,8 +4,8 @@ In      a trajectory, the stretch of time of the task; marks `reach` where it wa
 Out     means over the reaches: movement time, peak speed, when it is reached, smoothness (SPARC, LDLJ), how far the hand turned, grip aperture
 Source  start and end at 2 % of the peak speed, time to peak: drinking task (Alt Murphy; JNER 2021, 10.1186/s12984-021-00895-3, Table 2); grip aperture: Valevicius 2018
         (PLoS ONE 0199549); SPARC and LDLJ: smoothness.py
-        what a magnet tells of the hand's place: reach_place.py
-Limits  a glove alone knows no position: speed is the hand's angular speed; where the hand hardly turns, that of the fingertips against the wrist, as it opens and closes
+        position of the hand by a magnet: reach_place.py
+Limits  a glove alone gives no position: speed is the hand's angular speed; where the hand hardly turns, that of the fingertips against the wrist, as it opens and closes
 """
 
 from collections.abc import Sequence
@@ -136,7 +136,7 @@ class Reach:
     reason: str
     t: Array
     speed: Array  # (n,) rad/s, or m/s
-    where: ReachPlaces | None = None  # what a magnet tells of the hand's place
+    where: ReachPlaces | None = None  # from the position of the hand by a magnet
 
 
 def applies(task_name: str) -> bool:

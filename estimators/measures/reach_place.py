@@ -1,4 +1,4 @@
-"""Reaching in metres: where the hand went, seen from the trunk, and what the trunk did meanwhile; only where a magnet tells the hand's place.
+"""Reaching in metres: where the hand went, seen from the trunk, and what the trunk did meanwhile; only where a magnet gives the hand's position.
 
 In      a trajectory with the hand's place and the trunk's orientation, the stretches in which a reach was called
 Out     per reach: straight distance, way, straightness, peak speed, smoothness, lean and turn of the trunk, how far leaning carried it forward; of all:

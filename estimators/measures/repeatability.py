@@ -144,7 +144,7 @@ def reliability(values: Array) -> Reliability:
 def within_groups(groups: Sequence[Sequence[float]]) -> Within | None:
     """The pooled standard deviation within groups (Bland & Altman 1996, BMJ 312:1654); of equal groups it is `reliability`'s SEM for agreement.
 
-    A group of one tells nothing and is left out; None where none is left.
+    A group of one has no spread and is left out; None where none is left.
     """
     repeated = [np.asarray(g, float) for g in groups if len(g) > 1]
     if not repeated:

@@ -1,10 +1,10 @@
-"""Squeezing what gives way: how hard, how often, how evenly, and how stiff it seems to be.
+"""Squeezing a compliant object: force, number and regularity of squeezes, stiffness and damping of the object.
 
 In      a trajectory with fingertip forces of the thumb and another finger, the stretch of time of the task
 Out     squeezes with their forces and depths, shares of the fingers, work, stiffness and damping with their standard deviations
 Source  Kortier, thesis ch. 6: (6.6), (6.8), (6.16), (1.15); 6.2.3: a spring compressed eight times
-Limits  the stiffness is as good as the change of the fingertips' distance is: 5 % from person to person in simulation (docs/validation); fingertips that
-        give way make the object seem softer
+Limits  the stiffness is as accurate as the change of the fingertips' distance: 5 % from person to person in simulation (docs/validation); compliant
+        fingertips make the object seem softer
 """
 
 from collections.abc import Iterable, Sequence
@@ -48,7 +48,7 @@ HOLDS, FAILS, OPEN, UNKNOWN_WORD = (
     phrase("squeeze.condition_open"),
     phrase("squeeze.condition_unknown"),
 )  # of the conditions of 6.5.1
-AT = 1e-3  # rad from an end of its range: a joint is held there by the model
+AT_LIMIT = 1e-3  # rad from an end of its range within which the model holds a joint
 FURTHER = phrase("squeeze.joint_at_limit")
 TOO_SHORT = phrase("squeeze.too_short")
 BENT = phrase("squeeze.not_linear")
@@ -85,7 +85,7 @@ class SqueezeGrasp:
     conditions: Conditions | None
     reason: str
     running: RunningEstimate | None = None  # the stiffness as it stood after each sample
-    # share of the push that is left along it: a finger that is not measured may take it
+    # share of the grip force that remains along the grip axis: a finger without a sensor may take it
     unobserved: float = 0.0
     bent: float = 0.0  # share by which the stiffness changes over the range of the distance
     answer: Response | None = None  # of the closing, m/N, where the force changes
@@ -152,12 +152,12 @@ def _is_at_joint_limit(part: Trajectory, h: GraspPhase) -> bool:
     rows = [JOINT[name] for finger in h.fingers for name in FINGER_JOINTS[finger]]
     angles, limits = part.between(h.t[0], h.t[-1]).angles[:, rows], LIMITS[rows]
     with np.errstate(invalid="ignore"):
-        ends = (np.abs(angles[..., None] - limits) < AT).any(axis=-1) & np.isfinite(angles)
+        ends = (np.abs(angles[..., None] - limits) < AT_LIMIT).any(axis=-1) & np.isfinite(angles)
     return bool((ends.mean(axis=0) > 0.1).any())
 
 
 def _measure_grasp(params: Params, h: GraspPhase) -> SqueezeGrasp | None:
-    """What one grasp tells; None where nothing changes in it."""
+    """The squeezes of one grasp; None where its force does not change."""
     inside = (h.t > h.t[0] + params.margin) & (h.t < h.t[-1] - params.margin)
     known = inside & np.isfinite(h.squeeze) & np.isfinite(h.distance)
     if known.sum() < 32:
@@ -244,17 +244,17 @@ def figures(r: Squeeze) -> list[Figure]:
         tops, spread = np.full(len(tops), np.nan), np.nan
     if unread or _returns_energy(r):
         works = np.full(len(tops), np.nan)
-    # of the push, where one side lacks what is untold
-    gain, lacking = r.params.gain_sd, max(one.unobserved for one in r.grasps) / 2
+    # relative error of the grip force where one of its sides is not measured completely
+    gain, unmeasured = r.params.gain_sd, max(one.unobserved for one in r.grasps) / 2
     answers = [one.conditions for one in r.grasps if one.conditions]
     made = [
         KINDS["squeeze_count"].of(float(len(tops)), 0.0, *graded),
-        KINDS["squeeze_force"].of(float(tops.mean()), float(np.linalg.norm([spread / root, sd, lacking * tops.mean()])), *graded),
+        KINDS["squeeze_force"].of(float(tops.mean()), float(np.linalg.norm([spread / root, sd, unmeasured * tops.mean()])), *graded),
         KINDS["squeeze_force_cv"].of(spread / float(tops.mean()) if len(tops) > 1 else np.nan, 1 / np.sqrt(2 * max(len(tops) - 1, 1)) * spread / float(tops.mean()), *graded),
         KINDS["squeeze_rate"].of(gaps / sum(spans) if gaps else np.nan, 0.1 / max(sum(spans), 0.1) * (gaps / max(sum(spans), 0.1)), *graded),
         KINDS["squeeze_depth"].of(float(depths.mean()), float(np.hypot(depths.std() / root, gain * depths.mean())), *graded),
         *_parameters(r),
-        KINDS["squeeze_work"].of(float(works.mean()), float(np.hypot(works.std() / root, np.linalg.norm([gain, r.params.scale_sd, lacking]) * works.mean())), *graded),
+        KINDS["squeeze_work"].of(float(works.mean()), float(np.hypot(works.std() / root, np.linalg.norm([gain, r.params.scale_sd, unmeasured]) * works.mean())), *graded),
         *_condition_figures(answers, graded),
     ]  # fmt: skip
     for k, finger in enumerate(r.grasps[0].held.fingers):
@@ -269,8 +269,8 @@ def _returns_energy(r: Squeeze) -> bool:
 
 
 def _condition_figures(answers: Sequence[Conditions], graded: tuple[Grade, str]) -> list[Figure]:
-    """The conditions of 6.5.1: what decides each, and as its category whether it holds. The bandwidths of force and answer are given where they were
-    seen: an answer that goes on as far as the force does is no fault."""
+    """The conditions of 6.5.1: what decides each, and as its category whether it holds. Bandwidths of force and response are given
+    where they were found: a response that is as wide as the force is no fault."""
     short = (graded[0], TOO_SHORT) if any(np.isnan(c.coherence) for c in answers) else graded
     coherence, lag, lag_sd, force, load = (
         _mean_seen([getattr(c, name) for c in answers])
@@ -280,14 +280,21 @@ def _condition_figures(answers: Sequence[Conditions], graded: tuple[Grade, str])
         _all(getattr(c, name) for c in answers) for name in ("independent", "wide", "passive")
     )
     bandwidths = [
-        KINDS["squeeze_force_bandwidth"].of(force, None, *graded, category=_word(wide, HOLDS)),
+        KINDS["squeeze_force_bandwidth"].of(
+            force, None, *graded, category=_condition_word(wide, HOLDS)
+        ),
         KINDS["squeeze_object_bandwidth"].of(load, None, *graded),
     ]
     return [
-        KINDS["squeeze_coherence"].of(coherence, None, *short, category=_word(independent, OPEN)),
+        KINDS["squeeze_coherence"].of(
+            coherence, None, *short, category=_condition_word(independent, OPEN)
+        ),
         *(f for f in bandwidths if np.isfinite(f.value)),
         KINDS["squeeze_lag"].of(
-            lag, lag_sd, *short, category=_word(passive, HOLDS if lag > 2 * lag_sd else OPEN)
+            lag,
+            lag_sd,
+            *short,
+            category=_condition_word(passive, HOLDS if lag > 2 * lag_sd else OPEN),
         ),
     ]
 
@@ -298,8 +305,9 @@ def _all(each: Iterable[bool | None]) -> bool | None:
     return False if False in found else True if found == {True} else None
 
 
-def _word(borne_out: bool | None, so: str) -> str:
-    return UNKNOWN_WORD if borne_out is None else so if borne_out else FAILS
+def _condition_word(holds: bool | None, word: str) -> str:
+    """`word` where a condition holds."""
+    return UNKNOWN_WORD if holds is None else word if holds else FAILS
 
 
 def _mean_seen(each: Sequence[float]) -> float:
@@ -308,7 +316,7 @@ def _mean_seen(each: Sequence[float]) -> float:
 
 
 def _parameters(r: Squeeze) -> list[Figure]:
-    """Stiffness and damping, the mean of the grasps that tell them weighted by what they leave over."""
+    """Stiffness and damping: the mean over grasps in which they are observable, weighted by the inverse variance."""
     K = KINDS["squeeze_stiffness"], KINDS["squeeze_damping"]
     fits = [one.fit for one in r.grasps if one.fit]
     if not fits:
@@ -329,7 +337,7 @@ def _parameters(r: Squeeze) -> list[Figure]:
 
 
 def shown(r: Squeeze) -> PlotData:
-    """Force and distance over time with the squeezes, and how the object answers to each frequency."""
+    """Force and distance over time with the squeezes, and the object's frequency response."""
     if not r.grasps:
         return PlotData()
     one = max(r.grasps, key=lambda g: len(g.t))
@@ -343,12 +351,12 @@ def shown(r: Squeeze) -> PlotData:
         *running_curves("stiffness", "N/m", [one.running]),
     ]
     if one.conditions is not None and one.answer is not None:
-        curves += _answer_curves(one.answer, correlated_share(r.params, one.unobserved, one.bent))
+        curves += _response_curves(one.answer, correlated_share(r.params, one.unobserved, one.bent))
     return PlotData(tuple(curves), {"squeeze": np.concatenate([g.peaks for g in r.grasps])})
 
 
-def _answer_curves(answer: Response, common_share: float) -> list[Curve]:
-    """Size, phase and coherence where the force changes; the first two with the band in which they lie nineteen times of twenty, scales and timing in it."""
+def _response_curves(answer: Response, common_share: float) -> list[Curve]:
+    """Size, phase and coherence at the frequencies at which the force changes; the first two with their 95 % band, errors of scale and timing included."""
     seen = answer.excited
     f, size, phase = answer.frequency[seen], np.abs(answer.P[seen]), answer.phase[seen]
     size_sd, phase_sd = np.hypot(answer.sd[seen], common_share * size), answer.phase_sd[seen]

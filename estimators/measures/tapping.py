@@ -5,8 +5,8 @@ Out     taps (complete opening-closing cycles): count, rate, intervals, amplitud
 Source  cycles.py and cycle_figures.py. The angle in rad is how far thumb and index finger turn against each other: the sum of the angular rates of their last
         phalanges (against the hand, where that is measured), each about its principal axis, as the reference values of the ETF database were computed.
         Interruptions are looked for in the angle thumb tip - wrist - index tip, as Islam 2023 has them in the image, from the first closing to
-        the end of the trial; in plain arrays, that do not tell when a trial ended, to the last closing
-Limits  a tap smaller than a quarter of the trial's range is none
+        the end of the trial; in plain arrays, which do not say when a trial ended, to the last closing
+Limits  a tap smaller than a quarter of the trial's range is not counted
 """
 
 from dataclasses import dataclass, field, replace
@@ -49,7 +49,8 @@ DISTANCES = size_kinds(PREFIX, TAPS, "m", phrase("cycle_opening.thumb_index_dist
 ANGLES = size_kinds(ANGLE, TAPS, "rad", phrase("cycle_opening.thumb_index_turn"))
 STOPS = stop_kinds(PREFIX, phrase("cycle_angle.thumb_index"))
 KINDS = kinds(*TIMES.values(), *DISTANCES.values(), *ANGLES.values(), *STOPS.values())
-# of the speed that counts as hardly any movement: itself, and how far the counts hang on it
+# factors on the speed that counts as hardly any movement: 1, and two that show how the counts
+# depend on it
 STILL = 1.0, 0.8, 1.2
 LONGEST, WIDEST = 0.4, 2 * np.pi  # m and rad that no hand opens by
 NOT_MEASURED, NO_TAP = phrase("measure.thumb_or_index_not_measured"), phrase("measure.no_tap")
@@ -92,14 +93,17 @@ class Tapping:
 
     @property
     def cycles(self) -> Cycles | None:
+        """The cycles of the distance, else of the angle."""
         return self.taps or self.turns
 
     @property
     def count(self) -> int:
+        """Number of taps."""
         return len(self.amplitudes)
 
     @property
     def intervals(self) -> Array:
+        """Time (taps,) s from closing to closing."""
         return self.cycles.intervals if self.cycles else np.diff(self.closings)
 
     @property
@@ -130,11 +134,11 @@ def measure(
     inside = (part.t >= onset) & (part.t <= end)
     grade = grade_of(part.flags[inside][:, segments])
     if np.isfinite(distance).sum() < 3:
-        return _nothing(params, part.t[inside], distance[inside], NOT_MEASURED)
+        return _without_taps(params, part.t[inside], distance[inside], NOT_MEASURED)
     signal = resample_even(part.t, distance, params.max_gap, params.lowpass)
     taps = cycles.find_cycles(params, part.t, distance, params.smallest, (onset, end))
     if not taps.count:
-        return _nothing(params, part.t[inside], distance[inside], NO_TAP)
+        return _without_taps(params, part.t[inside], distance[inside], NO_TAP)
     turned = _relative_turn(params, part, signal)
     turns = (
         cycles.cycles_between(
@@ -228,7 +232,7 @@ def opening_of_rates(params: Params, t: Array, thumb: Array, index: Array) -> Ev
 
 
 def figures(tapping: Tapping) -> list[Figure]:
-    """The flat list of figures; of plain arrays those that they tell."""
+    """All figures as a flat list; of plain arrays those that can be computed from them."""
     graded, c, p = (tapping.grade, tapping.reason), tapping.cycles, tapping.params
     if c is None:
         return []
@@ -274,6 +278,7 @@ def shown(tapping: Tapping) -> PlotData:
 def _measure_signal(
     params: Params, t: Array, values: Array, unit: str, sd: float | None
 ) -> Tapping:
+    """Taps in a distance (unit "m") or an angle ("rad") alone, with `sd` of its error."""
     distance = unit == "m"
     c = cycles.find_cycles(params, t, values, params.smallest if distance else params.smallest_turn)
     lost = c.lost / max(len(c.t) * c.period, 1e-9)
@@ -333,7 +338,7 @@ def _make_trial(  # noqa: PLR0913
     return Tapping(t, distance, *each, *graded, params, taps, turns, stops, distance_sd, angle_sd)
 
 
-def _nothing(params: Params, t: Array, distance: Array, reason: str) -> Tapping:
+def _without_taps(params: Params, t: Array, distance: Array, reason: str) -> Tapping:
     none = np.empty(0)
     empty = Cycles(none, none, none, none, none, none, none, none)
     return _make_trial(params, t, distance, empty, empty, (), ("poor", reason))

@@ -78,7 +78,7 @@ def apply(
     fingers: Sequence[Finger],
     contacts: Sequence[HeldContact],
 ) -> Found:
-    """The contacts one after the other, each around what the ones before it told."""
+    """The contacts one after the other, each linearised at the estimate after those before it."""
     before = _covariance(params, calibration, fingers)
     errors, P = np.zeros(COUNT), before
     outcomes: list[ContactOutcome] = []

@@ -1,9 +1,9 @@
 """Whether a recording holds movement enough for self-calibration to gain from it, finger by finger.
 
-A finger gains where it moved as self-calibration asks, and where that tells its lengths GAIN times as well as an average hand's are known.
+A finger gains where it moved as self-calibration asks, and where that gives its lengths GAIN times as accurately as an average hand's are known.
 
 In      a recording, a calibration, the movement as another method tracked it
-Out     the fingers that gain; what one stretch tells of a finger
+Out     the fingers that gain; the information of one stretch about a finger
 Source  observability.py, second by second as the live meter does
 Limits  looks at LOOKS seconds spread over the stretch that would be calibrated from, and takes the others to tell as much
 """

@@ -1,4 +1,4 @@
-"""MAP-LIVE: an experiment; each finger as `map` sees it, in a window that slides along while the
+"""MAP-LIVE: an experiment; each finger as in `map`, in a window that slides along while the
 hand moves.
 
 In      inertial blocks of the hand and of fingers of which at least the first phalanx has a sensor,

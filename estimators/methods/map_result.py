@@ -233,7 +233,7 @@ def add_wrist_uncertainty(
     params: Params, movement: Trajectory, geometry: HandGeometry
 ) -> Trajectory:
     """Tips are given in the wrist's frame: they are as uncertain as its angles, where it is
-    followed, and as the fingers' roots, which no movement tells."""
+    followed, and as the fingers' roots, which no movement determines."""
     assert movement.angles_sd is not None and movement.tips_sd is not None
     angles, tips = np.where(IS_DOF, movement.angles, 0.0), movement.tips_sd
     for axis in (FLEXION, DEVIATION):

@@ -42,7 +42,7 @@ class CommonRotation:
 
     q_ab: Array  # (4,)
     residual: float  # RMS of what differs, share of the RMS rate
-    # second principal rate against the first: 0 is a turn about one axis only, and tells nothing
+    # second principal rate against the first: 0 is a turn about one axis only, which determines nothing
     # about a turn around that
     spread: float
 

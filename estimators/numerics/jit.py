@@ -120,7 +120,7 @@ def _ufunc(kernel: Callable[..., None], layout: str, gives: Any) -> Any:
 
 
 def _name_by_calls(kernel: Callable[..., Any]) -> None:
-    """numba knows a kept kernel by its own file: what it calls may stand in others and gives it a
+    """numba identifies a cached kernel by its own file: what it calls may stand in others and gives it a
     name of its own."""
     if called := list(called_by(kernel)):
         kernel.__qualname__ += "_" + hashlib.sha256(repr(called).encode()).hexdigest()[:12]

@@ -44,7 +44,7 @@ def run_each(
     """What work made of every piece, or why it refused it. `progress` hears the share of all that
     is done, in the caller's thread.
 
-    Work tells its own share now and then. An InputError of `progress` (no time is left) refuses
+    Work reports its share done now and then. An InputError of `progress` (no time is left) refuses
     every piece that is still being worked on; any other error ends them all and is raised.
     """
     shares, ends = [0.0] * len(pieces), list[BaseException]()

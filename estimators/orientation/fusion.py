@@ -99,7 +99,7 @@ def _advance(
     limit: Bools,
     count: int,
 ) -> tuple[StreamState, Oriented]:
-    """Process the first `count` rows and hold the others; `limit` (n, sensors) tells samples at the
+    """Process the first `count` rows and hold the others; `limit` (n, sensors) marks samples at the
     sensor's limit."""
     settled, held = (
         Block(block.stream, block.t[:count], block.values[:count]),
@@ -317,7 +317,7 @@ def _bridge_gaps(
     inside = block.values[first:last, k, : 9 if MAG in block.stream.quantities else 6]
     if whole[first:last].all():
         return inside, np.full(last - first, sensor.rotation_variance)
-    rows = slice(first, last + 1)  # one row behind tells the slope
+    rows = slice(first, last + 1)  # one row more gives the slope
     t = np.concatenate([[sensor.previous_t, sensor.last_t], block.t[rows]])
     values = np.concatenate(
         [

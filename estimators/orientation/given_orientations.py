@@ -84,7 +84,7 @@ class GivenParams:
 
 
 def with_orientations(takes: bool, recording: Recording) -> Recording:
-    """The recording as a method sees it that `takes` orientations or does not: InputError where it
+    """The recording for a method that `takes` orientations or does not: InputError where it
     needs rates and there are none."""
     if not any(s.oriented for s in recording.streams):
         return recording
@@ -178,7 +178,7 @@ class State:
 
     stream: Stream
     q_GE: Array  # (sensors, 4) a turn about the vertical
-    flags: NDArray[np.uint8]  # (sensors,) of headings that nobody knows
+    flags: NDArray[np.uint8]  # (sensors,) of unknown headings
     q_GS: Array  # (sensors, 4) newest, NaN before the first
     period: float  # s
     t: float = -np.inf

@@ -145,7 +145,7 @@ class FilterBank:
         return {**self.__dict__, "standing": []}
 
     def states(self) -> tuple[Mapping[str, Any], ...]:
-        """What each filter knows now."""
+        """The state of each filter."""
         filters = self._again()
         return tuple(
             f.state if caches.count < self.count else caches.state

@@ -163,7 +163,7 @@ NOTHING = HandPath(
 
 
 def start(params: HandFilterParams, calibration: Calibration) -> State:
-    """At rest where it is, as the pose found it; without a pose the first sample tells the
+    """At rest where it is, as the pose found it; without a pose the first sample gives the
     inclination."""
     q_BS = calibration.q_BS.get("hand", quat.IDENTITY)
     q_GS, bias = calibration.q_GS.get("hand"), np.zeros(6)
@@ -354,7 +354,7 @@ def _zero_velocity_update(params: HandFilterParams, state: State) -> State:
         np.concatenate([-state.v, state.recent[:, :3].mean(axis=0) - state.bias[:3], UP - force]),
     )
     H[0:3, V], H[3:6, BG], H[6:9, TH], H[6:9, BA] = np.eye(3), np.eye(3), -quat.skew(force), -R
-    # windows overlap: each look tells the part of the window that is new
+    # windows overlap: each update uses the part of the window that is new
     share = np.sqrt(params.still_window / params.update)
     sd = np.repeat(
         [params.still_speed, 0.25 * params.still_gyr * DEG * share, params.still_acc * share], 3

@@ -1,12 +1,12 @@
 """The camera that took a picture of the sheet: where it stood, and how its lens draws.
 
 In      corners of markers on the sheet (n, 3), m, and in the picture (n, 2), pixels; the picture's
-        size; the lens's focal length where the picture tells it
+        size; the lens's focal length where the picture states it
 Out     Camera with the covariance of its parameters; places on planes above the sheet of points in
         the picture
 Source  pinhole with two radial coefficients and Gauss-Newton over all corners: Zhang 2000,
         IEEE TPAMI 22:1330; homography as the beginning: ibid., appendix A
-Limits  one picture tells focal length and height only together: the prior on the focal length
+Limits  one picture determines focal length and height only together: the prior on the focal length
         decides how well heights above the sheet are corrected
 """
 
@@ -21,7 +21,7 @@ from handscope.estimators.numerics.typing import Array
 
 FULL_FRAME = 43.27  # mm, diagonal of the film that focal lengths are compared on
 FOCAL, FOCAL_SD = 0.75, 0.12  # of the larger side: phones' main cameras, 24 to 30 mm on that film
-GIVEN_FOCAL_SD = 0.04  # share, of a focal length that the picture tells: it is rounded to 1 mm
+GIVEN_FOCAL_SD = 0.04  # share, of a focal length that the picture states: it is rounded to 1 mm
 CENTRE_SD = 0.015  # of the larger side: where the lens's axis meets the picture
 RADIAL_SD = 0.10  # of both coefficients: phones draw within a few per cent of a pinhole
 MOST_STEPS = 200  # of a search: rendered photographs take 23 at most, a damaged picture went on for 20 s; it misses the sheet then

@@ -43,7 +43,7 @@ MARK_WEIGHTS = {f: np.ones(4) for f in FINGERS} | {"thumb": np.array([1 / HIDDEN
 
 @dataclass(frozen=True)
 class Figures:
-    """What a photograph tells of a hand; SI, each with its standard deviation."""
+    """Figures of a hand from a photograph; SI, each with its standard deviation."""
 
     hand: Hand
     lengths: Mapping[str, float]  # m, functional, by segment; "hand" is the palm

@@ -3,7 +3,7 @@
 In      places of 21 landmarks in a right-handed frame of any orientation and scale, NaN where the hand was not seen; which hand it is
 Out     flexion and deviation of the fingers' MCP, flexion of PIP, DIP, thumb MCP and IP; no orientations, no tips, no wrist, no thumb CMC
 Source  landmark numbers: MediaPipe Hands (Zhang et al. 2020, arXiv:2006.10214, Figure 2); angles: z-x'-y'' of a bone on its parent (conventions.md)
-Limits  depth is guessed by a network: see LIMITS. A bone's direction tells no turn about itself, so the thumb's angles are those between its
+Limits  depth is guessed by a network: see LIMITS. A bone's direction does not determine its rotation about itself, so the thumb's angles are those between its
         bones, without sign. Zero is the straight line of landmarks, not the pose of a calibration: expect a constant offset of some degrees
 """
 

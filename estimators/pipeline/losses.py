@@ -2,7 +2,7 @@
 
 In      a movement, the blocks that it was computed from (one a stream)
 Out     the flags LOST of segments and of the hand's place, for the instants at which samples of a stream are missing
-Limits  a stream whose steps are not multiples of its nominal period (time stamps of arrival) tells no losses
+Limits  a stream whose steps are not multiples of its nominal period (time stamps of arrival) shows no losses
 """
 
 from collections.abc import Iterator, Sequence

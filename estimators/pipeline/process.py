@@ -229,7 +229,7 @@ def whole_of(recording: Recording) -> list[Block]:
 
 
 def _limits_known(recording: Recording) -> bool:
-    """Whether the fusion itself sees clipping, so that shares are reported already."""
+    """Whether the fusion itself detects clipping, so that shares are reported already."""
     return all(s.full_scale for s in recording.streams if s.inertial)
 
 

@@ -28,7 +28,7 @@ from handscope.estimators.self_calibration.uncertainty import parameter_covarian
 SHIFTED, TILTED = 3e-3, 3.0  # m, deg
 SURE = 3.0  # standard deviations
 STEPS = Limits(iterations=3, least_gain=10.0)  # each half begins close to its minimum
-FROM_SCRATCH = Limits(iterations=20, least_gain=0.5)  # where the whole has none, from nothing
+FROM_SCRATCH = Limits(iterations=20, least_gain=0.5)  # where the whole has no minimum
 
 
 @dataclass(frozen=True)
@@ -36,12 +36,12 @@ class MountingShift:
     """A sensor that sat differently in the second half."""
 
     sensor: str
-    shift: float  # m, of a joint as the sensor sees it
+    shift: float  # m, of a joint's centre in the sensor's frame
     tilt: float  # rad, of a hinge
 
 
 def find_mounting_shifts(solution: Solution, read: Readings) -> list[MountingShift]:
-    """Most certain first; none where neither the whole nor each half came to an end: what was found then is of no hand."""
+    """The shifts, the most significant first; none where neither the whole nor each half converged."""
     n, whole = len(solution.problem), solution.outcome == "converged"
     spans = ((0, n // 2), (n // 2, n))
     halves = [
@@ -83,7 +83,7 @@ def _solve_half(solution: Solution, first: int, stop: int) -> Solution:
 
 
 def _solve_from_scratch(whole: Problem, read: Readings, first: int, stop: int) -> Solution:
-    """From nothing, with errors as they are believed first: a whole that has no minimum leads its halves astray."""
+    """From the initial guess, with the prior sizes of errors: the estimate of a whole without a minimum is no start for its halves."""
     own = Readings(
         read.dt, *(v[first:stop] for v in (read.gyr, read.acc, read.gyr_doubt, read.acc_doubt))
     )

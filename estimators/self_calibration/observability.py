@@ -6,7 +6,7 @@ Source  the residuals of self-calibration and their derivatives (residuals.py), 
         off (uncertainty/parameter_covariance.py), sizes of errors learnt as of a solution (uncertainty/posterior.py); enough is what self-calibration itself asks for (result.Requirements)
 Limits  each stretch turns as its gyroscopes say from where tracking has it, sensors sit in the middle of their segments: derivatives are those of a hand
         near the true one. Scale errors and lag count as known; sizes of errors are learnt of accelerations and hinges, to first order; skin is as
-        soft as it is believed before anything is learnt, and the hand's follows this finger alone
+        soft as the prior has it, and the skin of the hand follows this finger alone
 """
 
 from collections.abc import Mapping, Sequence
@@ -50,7 +50,7 @@ SAFE = 4 / 3
 
 @dataclass(frozen=True)
 class Limb:
-    """A finger as it is believed to be before it moves."""
+    """The prior of a finger."""
 
     links: Chain
     geometry: HandGeometry
@@ -259,7 +259,7 @@ def _add_hand_soft_tissue(problem: Problem, at: Unknowns, terms: Terms) -> Terms
 
 
 def _prior_rows(of: Limb, problem: Problem, at: Unknowns) -> tuple[Array, Array]:
-    """What is believed before of the parameters that are kept, residuals and derivatives; the hand's skin, too."""
+    """Residuals of the prior on the parameters that are kept and on the hand's skin, with their derivatives."""
     r, slopes = residuals.prior_residuals(problem, at)
     sizes = [np.radians(problem.noise.skin_turn), 1e-3 * problem.noise.skin_slide]
     sd = max(of.hand_skin, RIGID) * np.repeat(sizes, HANDS // 2) / (np.pi / 2)

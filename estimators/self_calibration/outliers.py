@@ -3,7 +3,7 @@
 In      a Problem, a place, how far each acceleration is off there (posterior.strange)
 Out     ImpactDetection: which accelerations and turns to down-weight, and by how much; Outlier: which sensor, and when
 Source  ours; weights of accelerations where it lasts: Huber's loss; squared of the worst turn, 3 deg that never were still pulled by 4 of 0.7 deg
-Limits  in a brief knock neither accelerometer nor gyroscope is believed; where it lasts accelerometers say how the sensor turned
+Limits  in a brief impact neither accelerometer nor gyroscope is used; in a longer one the accelerometers determine how the sensor turned
 """
 
 from dataclasses import dataclass
@@ -17,13 +17,13 @@ from handscope.estimators.self_calibration import residuals
 from handscope.estimators.self_calibration.problem import Problem, Unknowns
 from handscope.estimators.self_calibration.uncertainty import posterior
 
-GROSS = 10.0  # usual errors: what is off by less is trusted less, and no knock: skin under the hand's sensor, that other fingers move, is off by 6
-OPENED = 1e3  # times the error of a turn while it is asked whether its gyroscope was knocked: half a degree
-MISSING = 1e3  # times the error of an acceleration in a knock
+GROSS = 10.0  # usual errors: smaller residuals are down-weighted and are no impact; skin under the hand's sensor, moved by other fingers, gives 6
+OPENED = 1e3  # times the error of a turn while its gyroscope is tested for an impact: half a degree
+MISSING = 1e3  # times the error of an acceleration in an impact
 BESIDE = 3  # turns on either side of a strange acceleration: a rate enters four of them, three samples an acceleration
-BRIEF = 0.1  # s: a knock is over by then, a gyroscope at its limit need not be
-LEAST_OUTLIER_TURN = np.radians(0.2)  # 20 deg/s for 10 ms: what is worth a word
-SHOCK = 20.0  # usual errors: what is worth a word
+BRIEF = 0.1  # s, longest impact; a gyroscope may be at its limit for longer
+LEAST_OUTLIER_TURN = np.radians(0.2)  # 20 deg/s for 10 ms: smaller ones are not reported
+SHOCK = 20.0  # usual errors: smaller ones are not reported
 MEDIAN_OF_THREE = 0.888  # of the length of three independent errors against its RMS
 CHUNK = 1024  # samples whose derivatives are in memory at once
 Kind = Literal["gyr", "acc"]
@@ -31,7 +31,7 @@ Kind = Literal["gyr", "acc"]
 
 @dataclass(frozen=True)
 class Outlier:
-    """What contradicts the other sensors for a moment: turns that accelerations contradict, or an acceleration that its neighbours do."""
+    """A reading that contradicts the other sensors: a turn against the accelerations, or an acceleration against those of its neighbours."""
 
     sensor: int
     sample: int
@@ -42,10 +42,10 @@ class Outlier:
 class ImpactDetection:
     """Outliers detected so far."""
 
-    in_impact: Bools  # (n,) samples of brief knocks: what was read there is not believed
+    in_impact: Bools  # (n,) samples of brief impacts, whose readings are not used
     suspect: Bools  # (n-1,) turns beside strange accelerations
-    newly_suspect: Bools  # (n-1,) of them those that are so since the last look
-    doubt: Array  # (n, S) factors on the errors of accelerations, since the last look
+    newly_suspect: Bools  # (n-1,) of them those found in the last pass
+    doubt: Array  # (n, S) factors on the errors of accelerations, from the last pass
 
 
 def none_detected(samples: int) -> ImpactDetection:
@@ -57,14 +57,14 @@ def none_detected(samples: int) -> ImpactDetection:
 def detect_outliers(
     before: ImpactDetection, off: Array, limit: float, dt: float
 ) -> ImpactDetection:
-    """With what is strange now: off (n, S) standard deviations, by more than `limit` usual ones of its sensor."""
+    """Add the outliers among residuals off (n, S), in standard deviations: those beyond `limit` times the median of their sensor."""
     doubt = np.maximum(off / (np.median(off, axis=0) / MEDIAN_OF_THREE + 1e-300) / limit, 1.0)
     strange = np.asarray((doubt > 1).any(axis=1) & (limit * doubt >= GROSS).any(axis=1))
     hit = np.zeros(len(off), bool)
     for first, stop in find_runs(strange, BESIDE):
         hit[first:stop] = (stop - first) * dt <= BRIEF
     doubt[hit] = MISSING
-    doubt[before.in_impact] = 1.0  # not believed already
+    doubt[before.in_impact] = 1.0  # not used anyway
     beside = _adjacent_turns(strange)
     return ImpactDetection(
         before.in_impact | hit, before.suspect | beside, beside & ~before.suspect, doubt
@@ -74,9 +74,9 @@ def detect_outliers(
 def turn_noise_factors(
     detection: ImpactDetection, base: Problem, at: Unknowns, limit: float
 ) -> Array:
-    """Factors on the errors of turns (n-1, S): fresh ones are open, of the others those that fit are believed again; the worst of a moment pulls less the further it is off.
+    """Factors on the errors of turns (n-1, S): newly suspect ones are free, of the others those that fit get their weight back; the worst of a moment weighs less the further it is off.
 
-    `base` has the gyroscopes' errors as they were believed first.
+    `base` has the prior errors of the gyroscopes.
     """
     off = np.where(detection.suspect[:, None], posterior.turn_deviations(base, at), 0.0)
     doubt = np.maximum(off / limit, 1.0)

@@ -187,14 +187,14 @@ class Problem:
     acc: Array  # (n, S, 3) m/s^2
     turn_sd: Array  # (n-1, S) rad
     acc_sd: Array  # (n, S) m/s^2
-    start: Array  # (S, 4) q_GS of the first sample as first believed
+    start: Array  # (S, 4) q_GS of the first sample, prior
     distal: Array  # (S, 3) unit, where the nominal mounting has the segment's distal end, in the sensor's frame
     flexing: Array  # (S, 3) unit, about what it has the segment flex
     bias_prior: Array  # (S, 3) rad/s, what gyroscopes read at rest, else 0
     bias_sd: float  # rad/s
-    bent: Array  # (n, J) rad, how far each joint is flexed, as it was believed last: it pulls the skin
+    bent: Array  # (n, J) rad, flexion of each joint by the last estimate: the skin follows it
     by_tilt: Array  # (n, J, 2) rad/rad, how that changes with the tilt of the axis about which it is counted
-    tilt: Array  # (J, 2) rad, where it was counted
+    tilt: Array  # (J, 2) rad, tilt at which `bent` was counted
     mounting_sd: Array  # (S,) rad, how far a sensor may sit off its nominal mounting
     length: Array  # (S,) m, of segments as given; NaN where nothing is
     length_sd: Array  # (S,) m

@@ -1,9 +1,9 @@
-"""From arms and axes in the sensors' frames to what others use: how each sensor sits on its segment, where, and how long the segments are.
+"""From arms and axes in the sensors' frames to sensor-to-segment alignment, positions of the sensors and lengths of the segments.
 
 In      a Solution of one finger (the root is the hand), the nominal mounting
 Out     Segments: q_BS, p_BS, lengths with standard deviations, orientations of the segments
 Source  frames: docs/conventions.md; z along the hinge's axis, y along the bone (near joint to far one); Kortier, thesis (4.2), (4.3)
-Limits  no movement tells how the hand's sensor and the last phalanx' sit about what no joint shows (4.14): there the nominal mounting speaks
+Limits  of the hand's sensor and that of the distal phalanx the alignment is unobservable where no joint determines it (4.14): it is the nominal mounting's there
 """
 
 from collections.abc import Mapping, Sequence

@@ -109,7 +109,7 @@ def solve(
     go_on: Callable[[int, float], bool] = lambda k, cost: True,
     spare: Factor | None = None,
 ) -> Solution:
-    """Go down from `start`; `go_on` hears iteration and cost after every step and stops it by saying no. In the memory of `spare`, if it is of that size."""
+    """Minimise the cost from `start`; `go_on` (iteration, cost) is called after every step and stops by returning False. Reuses the memory of `spare` where sizes agree."""
     last = [spare] if spare is not None else []
     result = levenberg_marquardt(_operations(last), problem, start, limits, go_on)
     normal, _ = build_normal_equations(result.problem, result.at, last[0] if last else None)
@@ -306,7 +306,7 @@ def _solve_coarse(
 
 
 def _after(steps: int, go_on: Callable[[int, float], bool]) -> Callable[[int, float], bool]:
-    """The same, told of so many steps more."""
+    """`go_on` with the iteration counted from `steps` on."""
     return lambda k, cost: go_on(steps + k, cost)
 
 

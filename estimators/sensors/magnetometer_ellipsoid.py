@@ -34,7 +34,7 @@ MOST = 4000  # readings that are fitted: more are thinned out evenly
 SEEN = 0.05
 # of the field: more left on the sphere is no homogeneous field, or no magnetometer in order
 HOMOGENEOUS = 0.05
-MIRRORED = 0.5  # of what is left over: so much less tells that an axis points the other way
+MIRRORED = 0.5  # of the residual: a decrease by so much shows that an axis points the other way
 MISALIGNED = 0.1  # of the field: more left of a magnetometer against the first is no common plate
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # of a symmetric matrix
 

@@ -102,5 +102,5 @@ class WithFullScales(RecordingView):
         return (self.scaled(b) for b in self.recording.blocks())
 
     def scaled(self, block: Block) -> Block:
-        """The same samples of a stream that tells its full scales."""
+        """The same samples of a stream that states its full scales."""
         return replace(block, stream=_declare(block.stream, self.scales))

@@ -152,7 +152,7 @@ def has_passwords(db: Session) -> bool:
 
 
 def authenticate(db: Session, name: str, password: str) -> Account | None:
-    """The account that name and password belong to. An unknown name takes as long as a wrong password and tells as little."""
+    """The account that name and password belong to. An unknown name takes as long as a wrong password and gives the same answer."""
     account = db.scalar(select(Account).where(Account.name == name.strip().casefold()))
     stored = account.password if account is not None and not account.disabled else None
     with _working:
@@ -185,7 +185,7 @@ def _hash_password(password: str) -> str:
 
 @cache
 def _unknown_hash() -> str:
-    """The hash of a password that nobody knows."""
+    """The hash of a random password, which is not kept."""
     return _hasher.hash(b"\0" * 32)
 
 

@@ -189,9 +189,8 @@ def _follow(db: Session, against: Sequence[tuple[int, str]]) -> Verdict:
             last,
             phrase("audit.cut_off", number=min(noted), last=number),
         )
-    if (
-        number == 0 and db.scalar(select(Account.id).limit(1)) is not None
-    ):  # making an account is told
+    # making an account is recorded: where there is one, the trail is not empty by itself
+    if number == 0 and db.scalar(select(Account.id).limit(1)) is not None:
         return Verdict(0, NOTHING, phrase("audit.emptied"))
     return Verdict(number, last, back=back)
 
@@ -250,7 +249,7 @@ def patient_of(db: Session, kind: str, number: int) -> int | None:
 
 
 def _collect_rows(db: Session, _: object) -> None:
-    """After a flush: what it added, changed and removed. Removing a patient takes everything with it and is told by who does it."""
+    """After a flush: what it added, changed and removed. Removing a patient takes everything with it and is recorded by its caller."""
     found = [("created", row, ()) for row in db.new] + [
         ("changed", row, _fields(row)) for row in db.dirty
     ]

@@ -4,7 +4,7 @@ Repeated     sessions of the same hand of one patient, by the same method with t
              counts as error. Sessions further apart are follow-up, and what changes between them is what is looked for
 A figure     of a task in a session: the largest (smallest) over its trials where it is a maximum (minimum), else their mean; without trials of poor signal
 Kept         derived data: whoever stores or removes a result, it is computed anew in the same transaction (`keep`), so it is never half-written
-Limits       a recording uploaded twice counts once; an upload counts from the day that it names, else from the upload; software versions are not told apart
+Limits       a recording uploaded twice counts once; an upload counts from the day that it names, else from the upload; software versions are not distinguished
 Source       Bland & Altman 1996, BMJ 312:1654 (SD within people); interval between repeated tests: Terwee 2007, J Clin Epidemiol 60:34 (one or two weeks)
 """
 

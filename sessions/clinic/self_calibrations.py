@@ -149,7 +149,7 @@ def decide(
 
 
 def settle(db: Session, session: PatientSession) -> None:
-    """The recording is closed and tells which glove was worn: of another one nothing but lengths is taken over, whatever was decided before."""
+    """Review the decision when the recording is closed, as it then names the glove: of another glove only lengths are taken over."""
     decided = decision(session)
     if decided is None or decided.self_calibration is None:
         return

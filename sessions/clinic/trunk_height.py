@@ -1,4 +1,4 @@
-"""How high above the hips the trunk's sensor was worn, told afterwards: it counts in place of what the recording tells, which never changes.
+"""Height of the trunk's sensor above the hips, entered afterwards: it replaces that of the recording, which never changes.
 
 Applied     to the tasks of an opened recording (`applied`): a result names the height that it was computed with and is a function of it
 """
@@ -19,7 +19,7 @@ def require_height(height: float) -> None:
 
 
 def require_worn(session: PatientSession) -> None:
-    """InputError where the height of this session cannot be told, or would change nothing."""
+    """InputError where the height of this session cannot be entered, or would change nothing."""
     if session.state == "open":
         raise InputError("clinic.height_while_measured")
     if not any(
@@ -31,7 +31,7 @@ def require_worn(session: PatientSession) -> None:
 
 
 def apply(recording: LoadedRecording, height: float | None) -> LoadedRecording:
-    """The recording whose tasks tell this height, m; as it is where none was told afterwards."""
+    """The recording with this height (m) in its tasks; unchanged where none was entered afterwards."""
     if height is None:
         return recording
     events = (

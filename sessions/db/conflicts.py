@@ -1,4 +1,4 @@
-"""Two people change the same thing at once: the second is told, and nothing is overwritten unseen."""
+"""Two people change the same thing at once: the second gets a ConflictError, and nothing is overwritten unseen."""
 
 from sqlalchemy import update
 from sqlalchemy.orm import Session

@@ -61,7 +61,7 @@ class Server(Base):
     name: Mapped[str] = mapped_column(String(100))  # of its machine
     address: Mapped[str] = mapped_column(String(300))  # where browsers reach it
     storage: Mapped[str] = mapped_column(String(32))  # the object storage's mark
-    seen: Mapped[datetime]  # when it told of itself last
+    seen: Mapped[datetime]  # when it reported last
 
 
 class Attempt(Base):

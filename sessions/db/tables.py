@@ -144,7 +144,7 @@ class PatientSession(Base):
     trunk_height: Mapped[float | None]  # m, the patient's when the session began
     # name, version and title of the assessment plan that it had; empty: none
     plan: Mapped[dict[str, Any]] = mapped_column(TextsWithCodes, default=dict, server_default="{}")
-    # m, told afterwards: counts in place of what the recording tells
+    # m, entered afterwards: replaces that of the recording
     # (sessions/clinic/trunk_height.py)
     trunk_corrected: Mapped[float | None]
     # counts what people changed (sessions/store/visit_facts.py), nothing else
@@ -237,7 +237,7 @@ class SelfCalibration(Base):
 
 
 class HandPhotograph(Base):
-    """What a photograph of a hand on the sheet told (sessions/hand_photographs/photographs.py)."""
+    """Figures of a photograph of a hand on the sheet (sessions/hand_photographs/photographs.py)."""
 
     __tablename__ = "hand_photograph"
     __table_args__ = NEVER_AGAIN
@@ -330,7 +330,7 @@ class Result(Base):
     corrections: Mapped[list[Any]] = mapped_column(default=list, server_default="[]")
     # of an earlier self-calibration; empty: nothing
     reused: Mapped[dict[str, Any]] = mapped_column(default=dict, server_default="{}")
-    # m, in place of what the recording tells; None: as the recording tells it
+    # m, in place of that in the recording; None: as in the recording
     trunk_height: Mapped[float | None]
     version: Mapped[str] = mapped_column(String(32))
     created: Mapped[datetime] = mapped_column(default=now)

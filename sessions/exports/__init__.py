@@ -1,4 +1,4 @@
-"""Files that other programs open: one module a format, each with `write(measured) -> Exported`; docs/exports.md tells what each holds and loses."""
+"""Files that other programs open: one module a format, each with `write(measured) -> Exported`; docs/exports.md lists what each holds and loses."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""One line of JSON a sample, for anybody; the first line tells what the recording and the columns are."""
+"""One line of JSON a sample, for anybody; the first line describes the recording and the columns."""
 
 import numpy as np
 import orjson

@@ -224,7 +224,7 @@ class Recorder:
 
 
 def is_being_written(path: Path) -> bool:
-    """Whether a recorder has the file open: one may outlive the server that started it. (Not told on Windows: there nobody else can open it.)"""
+    """Whether a recorder has the file open: one may outlive the server that started it. (Always False on Windows, where nobody else can open it.)"""
     if fcntl is None:
         return False
     with path.open("rb") as file:

@@ -34,7 +34,7 @@ class LoadedRecording:
     losses: Mapping[str, int] = field(default_factory=dict)  # samples lost on the way, by stream
     # which strip each tracked point was on, where the glove says
     strip_ids: Mapping[str, str] = field(default_factory=dict)
-    plate: Plate | None = None  # magnetometers on the trunk and magnet on the hand, where told
+    plate: Plate | None = None  # magnetometers on the trunk and magnet on the hand, where declared
 
     @property
     def streams(self) -> tuple[Stream, ...]:

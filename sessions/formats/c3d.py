@@ -57,7 +57,7 @@ class MarkerReader(Reader):  # type: ignore[misc]  # c3d has no types
         self._words = self._analogue_words()
 
     def _analogue_words(self) -> int:
-        """Analogue words in a frame: header and parameters may contradict each other, the file's size tells who is right."""
+        """Analogue words in a frame: header and parameters may contradict each other; the file's size decides."""
         header = self._header
         declared = {
             int(header.analog_count),
@@ -154,7 +154,7 @@ def _labels(reader: Reader) -> tuple[str, ...]:
 
 
 def _unit(reader: Reader) -> str:
-    """The first one told: some programs tell a unit a marker, and fill up with zeros or cut off after four letters; mm where there is none."""
+    """The first unit given: some programs give a unit for each marker, and fill up with zeros or cut off after four letters; mm where there is none."""
     unit = reader.get("POINT:UNITS")
     declared = (
         [str(word).strip(" \0") for word in np.ravel(unit.string_array)]

@@ -1,7 +1,7 @@
 """Tables of what a force sensor read under known loads, as somebody writes them down: one row a load, columns by name with their unit in brackets.
 
 In      text with a header; comma, semicolon or tab between columns; lines that begin with # or % are passed over, and so are columns without a unit (notes).
-        Loads are told as weights: `mass [g]` with the direction of gravity in the sensor's frame, `down` (+x, -x, +y, ... or none) or `down_x`, `down_y`, `down_z`,
+        Loads are given as weights: `mass [g]` with the direction of gravity in the sensor's frame, `down` (+x, -x, +y, ... or none) or `down_x`, `down_y`, `down_z`,
         or `acc_x [m/s^2]`, `acc_y`, `acc_z`, what the accelerometer on the same cuff reads meanwhile: then the loads are in that sensor's frame;
         and where they hang, `at_x [mm]`, `at_y`, `at_z`; or as what a fingertip would exert, `force_x [N]`, `force_y`, `force_z`, and `torque_x [N*mm]`, ...
         Every other column with a unit is a channel of the sensor
@@ -49,7 +49,7 @@ class LoadTable:
     raw: Array  # (n, channels) in the channels' units
     loads: Array  # (n, 3) N, or (n, 6) N and Nm, as a fingertip would exert them
     lines: tuple[int, ...]  # of the file, where each load stands
-    by_accelerometer: bool  # the loads are in the frame of the inertial sensor on the same cuff, as that told their directions
+    by_accelerometer: bool  # the loads are in the frame of the inertial sensor on the same cuff, whose accelerometer gave their directions
 
 
 def load_table(path: Path, gravity: float) -> LoadTable:
@@ -124,7 +124,7 @@ class _Columns:
             )
 
     def numbers(self, name: str, factor: float = 1.0) -> Array:
-        """(n,); NaN where nothing is told."""
+        """Numbers (n,) of a column; NaN where a cell is empty."""
         k = self.names.index(name)
         return factor * np.array(
             [_number(f"{self.file}, line {number}", name, cells[k]) for number, cells in self.rows]
@@ -175,7 +175,7 @@ _LOADS = {
 
 
 def _of_weights(columns: _Columns, gravity: float) -> Array:
-    """Weights that hang on the sensor: F = -m g d, and where it is told where, M = r x F."""
+    """Weights that hang on the sensor: F = -m g d, and M = r x F where the point r is given."""
     if "mass" not in columns.names:
         raise InputError("loads.mass_missing", file=columns.file)
     mass = columns.numbers("mass", columns.factor("mass", "mass"))
@@ -184,13 +184,13 @@ def _of_weights(columns: _Columns, gravity: float) -> Array:
     force = -gravity * mass[:, None] * down
     at = columns.three("at")
     if at is None:
-        return force + 0.0  # no -0 where it is told
+        return force + 0.0  # no -0
     at[mass == 0] = 0.0
     return np.concatenate([force, np.cross(at, force)], axis=1) + 0.0
 
 
 def _down(columns: _Columns) -> Array:
-    """Direction of gravity in the sensor's frame (n, 3), unit; NaN where none is told."""
+    """Direction of gravity in the sensor's frame (n, 3), unit; NaN where none is given."""
     acc = columns.three("acc")
     if acc is not None:
         if {"down", "down_x", "down_y", "down_z"} & set(columns.names):

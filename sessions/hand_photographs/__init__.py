@@ -1,1 +1,1 @@
-"""What photographs of patients' hands on the printed sheet told."""
+"""Stored figures of photographs of patients' hands on the printed sheet."""

@@ -1,4 +1,4 @@
-"""Photographs of a patient's hand on the sheet: what they told is kept, the picture itself only where somebody asks."""
+"""Photographs of a patient's hand on the sheet: their figures are kept, the picture itself only where somebody asks."""
 
 from base64 import b64decode, b64encode
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ def store(
     version: str,
     picture: bytes | None,
 ) -> HandPhotograph:
-    """Keep what a photograph told: `geometry` (HandGeometry, m), `initial_pose` (columns of the event, deg)."""
+    """Keep the figures of a photograph: `geometry` (HandGeometry, m), `initial_pose` (columns of the event, deg)."""
     measures_from(figures["geometry"])
     kept = None if picture is None else b64encode(seal_bytes(picture)).decode()
     made = HandPhotograph(

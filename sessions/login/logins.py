@@ -28,7 +28,7 @@ TOUCH_EVERY = timedelta(minutes=1)
 TOUCH_WAIT = 0.1  # s
 MOST, MOST_OF_ADDRESS = 5, 20  # tries that fail: of an account from an address, of the address
 MOST_ELSEWHERE = 100  # of an account from addresses where it has never logged in
-# numbers of tries in a window that the audit trail is told
+# numbers of tries in a window that are recorded in the audit trail
 REPORTED = 1, 2, 3, 4, 5, 20, 100, 500
 
 

@@ -1,4 +1,4 @@
-"""Open what a system tells of the movement itself: joint angles, orientations or places of a Motion-BIDS table, an optical system's or our derivative's.
+"""Open the movement that a system measured: joint angles, orientations or places of a Motion-BIDS table, an optical system's or our derivative's.
 
 One table (`tracksys`, `desc`) is one movement: JNTANG `<joint>_<angle>`, ORNT of segments (q_GS), POS of fingertips (`index_tip`) and of markers
 (`index_proximal_1`, ...). Rules in docs/comparison.md.
@@ -41,7 +41,7 @@ Found = dict[tuple[str, str], Array]  # (tracked point, component) -> (n,) SI
 
 @dataclass(frozen=True)
 class Kinematics:
-    """A movement as a system told it; `trajectory` is None where there are markers only, its hand where nobody says which."""
+    """A movement as a system measured it; `trajectory` is None where there are markers only, its hand where none is given."""
 
     name: str
     hand: Hand | None

@@ -1,4 +1,4 @@
-"""Forces from the raw channels of a force sensor, by the calibration that the recording's `ForceSetup` tells."""
+"""Forces from the raw channels of a force sensor, by the calibration in the recording's `ForceSetup`."""
 
 from collections.abc import Mapping, Sequence
 

@@ -52,14 +52,16 @@ UNITS: dict[str, dict[str, float]] = {
     "MISC": {"N": 1.0},
     "LATENCY": {"s": 1.0},
 }
-TORQUES = {  # units of what a force sensor with six axes tells beside its forces, both of them MISC
+TORQUES = {  # units of the torques of a force sensor with six axes; forces and torques are MISC
     **dict.fromkeys(("N*m", "N·m", "N⋅m", "N m", "Nm"), 1.0),
     **dict.fromkeys(
         ("N*mm", "N·mm", "N⋅mm", "N mm", "Nmm", "mN*m", "mN·m", "mN⋅m", "mN m", "mNm"), 1e-3
     ),
 }
-RATE_TOLERANCE = 0.02  # between the rate told and the rate that the time stamps show, before it is worth a warning
-SAME_RATE = 1e-3  # below this the rate told is taken: 0.1 deg in a movement of 90
+RATE_TOLERANCE = (
+    0.02  # largest deviation of the declared rate from that of the time stamps without a warning
+)
+SAME_RATE = 1e-3  # below this the declared rate is used: 0.1 deg in a movement of 90
 NAME = re.compile(
     r"(?P<stem>sub-[^_/]+(?:_ses-[^_/]+)?_task-[^_/]+)_tracksys-(?P<system>[^_/]+)(?P<rest>(?:_[a-z]+-[^_/]+)*)_motion\.tsv$"
 )
@@ -407,7 +409,7 @@ def _factor(system: System, channel: dict[str, str], kind: str) -> float:
 
 
 def times_of(system: System, table: Array, name: str, warnings: list[str]) -> tuple[Array, float]:
-    """Time stamps (n,) and rate: LATENCY where there is one, else the sampling frequency told."""
+    """Time stamps (n,) and rate: LATENCY where there is one, else the declared sampling frequency."""
     declared = system.sidecar.get("SamplingFrequency")
     rate = (
         float(declared) if isinstance(declared, (int, float)) and 0 < declared <= 100_000 else None

@@ -120,7 +120,7 @@ def upgrade(engine: Engine, to: str = "head") -> None:
 
 
 def is_known(revision: str) -> bool:
-    """Whether this program knows a revision of the schema."""
+    """Whether a revision of the schema is one of this program."""
     config = Config()
     config.set_main_option("script_location", MIGRATIONS)
     return revision in {

@@ -33,7 +33,7 @@ class Upload:
     """What is kept of an uploaded recording beside its file."""
 
     hand: Hand
-    started: datetime | None  # where it tells that
+    started: datetime | None  # where the recording has it
     bytes: int
     sha256: str
     summary: Mapping[str, Any]
@@ -106,7 +106,7 @@ def store_upload(
 ) -> PatientSession:
     """Keep an uploaded recording that was read as a session of its own; `upload` is moved into the store.
 
-    Until the session is kept the file's place is told as one to be removed, so that a crash between the two leaves no file without a session.
+    Until the session is stored the file is listed as one to be removed, so that a crash between the two leaves no file without a session.
     """
     suffix = native.SUFFIX if upload.suffix == native.SUFFIX else ".zip"
     place = store.new_recording(suffix)
@@ -229,7 +229,7 @@ def hand_of(word: str) -> Hand:
 
 
 def _start_of(recording: LoadedRecording) -> datetime | None:
-    """When it was recorded, where it tells that with its zone."""
+    """When it was recorded, where the recording has that with its time zone."""
     try:
         start = datetime.fromisoformat(recording.start_utc or "")
     except ValueError:

@@ -1,6 +1,6 @@
 """Files that only the holder of a key opens: backups in the format age (age-encryption.org/v1, which the program `age` reads and writes, too).
 
-A file is sealed for one or more recipients (`age1...`); the server knows those alone, and cannot open what it has sealed. The key
+A file is sealed for one or more recipients (`age1...`); the server has those alone, and cannot open what it has sealed. The key
 (`AGE-SECRET-KEY-1...`) lies in a file that its owner keeps elsewhere.
 """
 

@@ -1,6 +1,6 @@
 """What people write on a session: notes, the conclusion, pain, who examined, its true date where the computer's clock was wrong, how high the trunk's sensor was worn.
 
-Two people who write at once are told (ConflictError); a session that is measured or processed meanwhile disturbs nobody. What the clock said
+Of two people who write at once the second gets a ConflictError; a session that is measured or processed meanwhile disturbs nobody. What the clock said
 is kept with the reason, and putting it back is a correction like any other.
 """
 
@@ -37,7 +37,7 @@ class Written:
 class TrunkHeight:
     """Told afterwards."""
 
-    height: float | None  # m; None: as the recording tells it
+    height: float | None  # m; None: as in the recording
 
 
 def change(

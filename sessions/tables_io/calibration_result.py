@@ -13,7 +13,7 @@ from handscope.estimators.messages.system import describe
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
-# largest standard deviation of a seat that movement told; the others rest on the nominal mounting
+# largest standard deviation of an alignment that counts as estimated; the others are nominal
 OBSERVED_SD = np.radians(3.0)
 
 
@@ -32,7 +32,7 @@ def read(path: Path) -> PriorCalibration:
 
 
 def parse(table: dict[str, Any]) -> PriorCalibration:
-    """What movement told, of the table that `derivative.calibration_table` makes; KeyError, TypeError or ValueError where it is none."""
+    """The estimated part of the table that `derivative.calibration_table` makes; KeyError, TypeError or ValueError where it is none."""
     if table["MeasuredHand"] not in HANDS:
         raise ValueError(table["MeasuredHand"])
     lengths = {

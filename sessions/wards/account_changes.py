@@ -1,6 +1,6 @@
 """What an administrator changes of an account: roles, wards, in and out of use; all of it or nothing.
 
-Two administrators who change one account at once are told (ConflictError): the second one's change is not stored.
+Of two administrators who change one account at once the second gets a ConflictError, and the change is not stored.
 """
 
 from collections.abc import Collection

@@ -84,10 +84,10 @@ class Assembler:
     # calibrations of force sensors
     forces: dict[tuple[int, int], ForceSensorCalibration] = field(default_factory=dict)
     stored_forces: StoredSetups = field(default_factory=dict)  # of strips that tell none
-    marks: list[Event] = field(default_factory=list)  # events that the device told, in order
+    marks: list[Event] = field(default_factory=list)  # events of the device, in order
     # nominal q_BS (4,) by tracked point, as the strips tell
     mounting: dict[str, Array] = field(default_factory=dict)
-    # magnetometers on the trunk and magnet on the hand, as the glove tells
+    # magnetometers on the trunk and magnet on the hand, as the glove declares
     plate: Plate | None = None
     replaced: int = 0  # times that another device was plugged in
     # by slot, ids of the strip that held it and of another that claimed it
@@ -132,7 +132,7 @@ class Assembler:
     ) -> list[Block]:
         """Blocks completed by many (arrival, chunk), at most one a stream; the same samples as from one chunk after the other, sooner.
 
-        A message that fails, by a fault of ours, is left out alone and told to `failed`; the error is raised where nobody is to be told.
+        A message that fails, by a fault of ours, is left out alone and passed to `failed`; without `failed` the error is raised.
         """
         bursts: dict[int, list[Burst]] = {}
         for arrival, chunk in chunks:
@@ -346,7 +346,7 @@ class Assembler:
                 )
 
     def _corrections_of(self, strip: Strip) -> tuple[StripCalibration, ...] | None:
-        """What corrects each sensor of a strip, empty where nothing is to be done; None while the strip has not told it all."""
+        """What corrects each sensor of a strip, empty where nothing is to be done; None until the strip has sent all of it."""
         if not (strip.raw and self.correct):
             return ()
         keys = [(strip.slot, k) for k in range(len(strip.points))]

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 WINDOW = 120  # s of local time that the line is drawn through
 BIN = 1.0  # s; of each bin only the least delayed pair counts
-SETTLED = 5.0  # s of pairs before a drift is believed
+SETTLED = 5.0  # s of pairs before a drift is used
 
 
 @dataclass

@@ -87,7 +87,7 @@ def correct_forces(
     full_scale: Sequence[float],
     calibrations: Sequence[ForceSensorCalibration | None],
 ) -> Array:
-    """Samples (n, sensors, axes) of a raw strip as loads: infinite where one was at its full scale (0 = not known), told of or not, NaN where the torques that it needs
+    """Samples (n, sensors, axes) of a raw strip as loads: infinite where one was at its full scale (0 = not known), marked or not, NaN where the torques that it needs
     are sent apart.
     """
     made = values.copy()

@@ -26,7 +26,7 @@ class Counters:
     lost: int = 0  # missing by their sequence numbers
     repeated: int = 0  # came again or late, dropped
     corrupt: int = 0  # COBS, length or CRC wrong
-    malformed: int = 0  # CRC right, but no message that this version knows
+    malformed: int = 0  # CRC right, but no message of this version
     garbage_bytes: int = 0  # bytes of corrupt frames and of what was no frame at all
 
 

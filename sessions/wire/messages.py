@@ -131,7 +131,7 @@ class Pong:
 
 @dataclass(frozen=True)
 class Mark:
-    """Something happened that the device knows of: its button was pressed, or a replayed recording has an event here."""
+    """An event of the device: its button was pressed, or a replayed recording has an event here."""
 
     t: int  # ns on the base unit's clock, the onset
     duration: int  # ns

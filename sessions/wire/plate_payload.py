@@ -1,4 +1,4 @@
-"""The payload of the message that tells where magnetometers sit on the trunk and which magnet sits on the hand."""
+"""The payload of the message that declares where magnetometers sit on the trunk and which magnet sits on the hand."""
 
 import struct
 

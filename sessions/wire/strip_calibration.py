@@ -1,4 +1,4 @@
-"""What corrects an inertial sensor, as a strip's flash holds it and as a message tells it."""
+"""What corrects an inertial sensor, as a strip's flash holds it and as a message carries it."""
 
 import numpy as np
 

@@ -1,8 +1,8 @@
-"""The hand followed by a magnet in a world that is not ours: another simulator, files as another program writes them, the product's own way from there on.
+"""Position of the hand by a magnet, from an independent simulator: its files are written as by another program and processed by the product.
 
-In      simulator/reaching.py, which shares nothing with the estimators: a finite magnet, iron, a room whose field is not the same everywhere, sensors with faults
-Way     a plate is turned, the recording of it opened and its magnetometers calibrated; the movement is written as Motion-BIDS, opened and processed
-Out     what a clinician is told against the truth: place, orientations, how sure, what is wrong and not marked
+In      simulator/reaching.py, which shares nothing with the estimators: a magnet of finite size, soft iron, an inhomogeneous field, sensors with errors
+Steps   the plate is turned, its recording opened and its magnetometers calibrated; the movement is written as Motion-BIDS, opened and processed
+Out     what a clinician reads against the truth: position and orientations with their standard deviations, errors that are not marked
 """
 
 import itertools
@@ -39,8 +39,8 @@ COUNTS = {"four": 4, "one": 1}
 NAMES = tuple(f"trunk_mag_{k + 1}" for k in range(len(world.PLATE)))
 # breastbone's sensor to the trunk: forward, up, right
 Q_BS = Rotation.from_matrix([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
-UNTOLD = (30.0, 3.0)  # mm and standard deviations from which on a place that nobody marked is wrong
-BACK, WITHIN = 25.0, 3.0  # mm; s, one in which the hand comes back and two to find it
+UNTOLD = (30.0, 3.0)  # mm and standard deviations beyond which an unmarked position counts as wrong
+BACK, WITHIN = 25.0, 3.0  # mm; s: one in which the hand comes back and two to find it
 FIGURES = {
     "position": ("Place of the hand where it is told without a flag, RMS, mm", 1),
     "relative": ("Orientation of the hand against the trunk, RMS, deg", 1),
@@ -96,7 +96,7 @@ def trials(wanted: Wanted) -> Sequence[Trial]:
 
 
 def measure(trial: Trial) -> Found:
-    """One plate, magnet, room and movement, with all of its magnetometers and with the first alone."""
+    """Errors with one plate, magnet, room and movement, by all of its magnetometers and by the first alone."""
     return {name: _figures(trial, count) for name, count in COUNTS.items()}
 
 
@@ -134,7 +134,7 @@ def _figures(trial: Trial, count: int) -> dict[str, float]:
     wrong, sd = MM * np.linalg.norm(off, axis=1), MM * np.linalg.norm(moved.place_sd, axis=1)
     late, reported = moved.t > FIRST, moved.place_flags == 0
     both = late & reported
-    relative, trunk = _turned(t, q_bt, q_gb, motion, room)
+    relative, trunk = _orientation_errors(t, q_bt, q_gb, motion, room)
     return {
         "told": 100 * float(reported[late].mean()),
         "doubtful": 100 * float((moved.place_flags[late] & PlaceFlag.DOUBTFUL != 0).mean()),
@@ -161,7 +161,7 @@ def _figures(trial: Trial, count: int) -> dict[str, float]:
 
 
 def _measured(moved: Trajectory, true: Array) -> dict[str, float]:
-    """What a report says of the reaches from rest to rest against what it would say if it knew the way (n, 3) m."""
+    """Measures of the reaches from rest to rest, estimated less true; `true` (n, 3) m is the path of the hand."""
     speed = np.linalg.norm(np.gradient(true, moved.t, axis=0), axis=1)
     rests = find_objects(label((speed < RESTS * speed.max()) & (moved.t > FIRST))[0])
     middles = [float(moved.t[rest].mean()) for (rest,) in rests]
@@ -187,9 +187,13 @@ def _measured(moved: Trajectory, true: Array) -> dict[str, float]:
     return {name: unit * (means[0][name] - means[1][name]) for name, unit in MEASURED.items()}
 
 
-def _turned(t: Array, q_bt: Array, q_gb: Array, motion: Motion, room: Room) -> tuple[Array, Array]:
-    """What told orientations are off by (n, 3), (n, 3) rad: of hand against trunk about the hand's axes, of the trunk about its own. North is where the field
-    points on the mean over the trunk's places."""
+def _orientation_errors(
+    t: Array, q_bt: Array, q_gb: Array, motion: Motion, room: Room
+) -> tuple[Array, Array]:
+    """Errors of orientation (n, 3), (n, 3) rad: of hand against trunk about the hand's axes, of the trunk about its own.
+
+    North is the mean direction of the field over the trunk's positions.
+    """
     (p_b, _), (R_b, R_t) = motion.at(t)
     x, y, _ = room.at(p_b).mean(axis=0)
     north = Rotation.from_euler("z", np.arctan2(x, y))

@@ -91,7 +91,7 @@ def read(path: Path) -> Trial:
     )
 
 
-def oriented(trial: Trial, quantities: tuple[str, ...], params: FusionParams) -> Array:
+def estimate_orientation(trial: Trial, quantities: tuple[str, ...], params: FusionParams) -> Array:
     """Orientations (n, 4) by the fusion of the methods."""
     values = {GYR: trial.gyr, ACC: trial.acc, MAG: trial.mag}
     stream = Stream("imu", ("hand",), quantities, trial.rate)
@@ -105,7 +105,7 @@ def oriented(trial: Trial, quantities: tuple[str, ...], params: FusionParams) ->
     return np.concatenate([found.q_GS, rest.q_GS])[:, 0]
 
 
-def scored(trial: Trial, q_GS: Array) -> OrientationError:
+def score(trial: Trial, q_GS: Array) -> OrientationError:
     """The error where the board moves and the cameras see it."""
     counts = trial.movement & np.isfinite(trial.q_ref).all(axis=1)
     return orientation_error(q_GS[counts], trial.q_ref[counts])
@@ -114,8 +114,10 @@ def scored(trial: Trial, q_GS: Array) -> OrientationError:
 def measure(path: Path) -> dict[str, float]:
     """Root mean squares in deg by column; the package vqf with its own defaults beside ours."""
     trial = read(path)
-    found = {name: scored(trial, oriented(trial, *fusion)) for name, fusion in FUSIONS.items()}
-    plain = scored(trial, _package(trial))
+    found = {
+        name: score(trial, estimate_orientation(trial, *fusion)) for name, fusion in FUSIONS.items()
+    }
+    plain = score(trial, _vqf_orientation(trial))
     parts = {
         f"{part} {name}": getattr(error, part)
         for name, error in found.items()
@@ -193,7 +195,7 @@ def _row(name: str, found: Mapping[str, float], theirs: Mapping[str, float]) -> 
     return Row(name, {column: spread([value]) for column, value in {**found, **theirs}.items()})
 
 
-def _package(trial: Trial) -> Array:
+def _vqf_orientation(trial: Trial) -> Array:
     """The package vqf alone, default parameters."""
     gyr, acc, mag = (np.ascontiguousarray(a) for a in (trial.gyr, trial.acc, 1e6 * trial.mag))
     return np.asarray(VQF(1.0 / trial.rate).updateBatch(gyr, acc, mag)["quat9D"])

@@ -1,4 +1,4 @@
-"""Faults of sensors and of files, put into recordings without one, in sizes."""
+"""Faults of sensors and of files that are injected into faultless recordings, each with its sizes and the code of the finding that is due."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -16,14 +16,14 @@ from handscope.estimators.numerics.typing import Array
 def _gyroscope(
     M: Callable[[float, int], Array], since: float = 0.0
 ) -> Callable[[Cells, float, int], Cells]:
-    """Readings by a matrix of size and axis, from a share of the recording on."""
+    """A fault: angular rates multiplied by the matrix M(size, axis), from a share of the recording on."""
 
-    def spoil(cells: Cells, size: float, axis: int) -> Cells:
+    def inject(cells: Cells, size: float, axis: int) -> Cells:
         gyr, first = cells.gyr.copy(), int(since * len(cells.gyr))
         gyr[first:] = gyr[first:] @ M(size, axis).T
         return replace(cells, gyr=gyr)
 
-    return spoil
+    return inject
 
 
 def negated_axis(axis: int) -> Array:
@@ -36,15 +36,18 @@ def exchanged_axes(axis: int) -> Array:
     return np.asarray(np.eye(3)[list(((1, 0, 2), (2, 1, 0), (0, 2, 1))[axis])])
 
 
-def _stretched(size: float, axis: int) -> Array:
+def _scale_axis(size: float, axis: int) -> Array:
+    """The matrix (3, 3) that scales one axis."""
     return np.asarray(np.eye(3) + (size - 1) * np.diag(np.eye(3)[axis]))
 
 
-def _turned(size: float, axis: int) -> Array:
+def _rotate_about(size: float, axis: int) -> Array:
+    """The rotation (3, 3) by `size` deg about one axis."""
     return np.asarray(Rotation.from_rotvec(np.radians(size) * np.eye(3)[axis]).as_matrix())
 
 
-def _late(cells: Cells, size: float, axis: int) -> Cells:
+def _delay_gyroscope(cells: Cells, size: float, axis: int) -> Cells:
+    """Angular rates that come `size` s late."""
     n = round(size / CELL)
     return replace(
         cells,
@@ -80,25 +83,25 @@ OF_SENSOR: Mapping[str, tuple[Callable[[Cells, float, int], Cells], tuple[float,
         "gyroscope_gain",
     ),
     "gain of one axis": (
-        _gyroscope(_stretched),
+        _gyroscope(_scale_axis),
         (1.1, 1.2, 1.3, 1.5, 2.0, 3.0),
         "gyroscope_axis_gain",
     ),
     "gyroscope turned in its sensor, deg": (
-        _gyroscope(_turned),
+        _gyroscope(_rotate_about),
         (5.0, 10.0, 20.0, 30.0, 45.0, 60.0),
         "gyroscope_matrix",
     ),
-    "gyroscope late, s": (_late, (0.06, 0.1, 0.2, 0.3, 0.5), "gyroscope_delay"),
+    "gyroscope late, s": (_delay_gyroscope, (0.06, 0.1, 0.2, 0.3, 0.5), "gyroscope_delay"),
 }
 
 
-def retimed(blocks: list[Block], percent: float) -> list[Block]:
+def change_clock_rate(blocks: list[Block], percent: float) -> list[Block]:
     """Blocks whose clock runs faster or slower by so many percent."""
     return [replace(b, t=b.t * (1 + percent / 100)) for b in blocks]
 
 
-def without_rows(blocks: list[Block], seconds: float) -> list[Block]:
+def drop_rows(blocks: list[Block], seconds: float) -> list[Block]:
     """Rows dropped in the middle of the recording, the times going on."""
     out, at = [], 0.55 * max(b.t[-1] for b in blocks)
     for b in blocks:
@@ -107,7 +110,7 @@ def without_rows(blocks: list[Block], seconds: float) -> list[Block]:
     return out
 
 
-def held(blocks: list[Block], seconds: float) -> list[Block]:
+def freeze_samples(blocks: list[Block], seconds: float) -> list[Block]:
     """Blocks in which a sensor repeats its sample for so many seconds."""
     out, at = [], 0.55 * max(b.t[-1] for b in blocks)
     for b in blocks:
@@ -117,7 +120,8 @@ def held(blocks: list[Block], seconds: float) -> list[Block]:
     return out
 
 
-def _all(quantity: str, M: Array, blocks: list[Block], size: float) -> list[Block]:
+def _transform_all(quantity: str, M: Array, blocks: list[Block], size: float) -> list[Block]:
+    """The quantity of all sensors multiplied by M (3, 3)."""
     out = []
     for b in (b for b in blocks if quantity in b.stream.quantities):
         values = b.values.copy()
@@ -129,18 +133,26 @@ def _all(quantity: str, M: Array, blocks: list[Block], size: float) -> list[Bloc
 OF_FILE: Mapping[
     str, tuple[Callable[[list[Block], float], list[Block]], tuple[float, ...], str]
 ] = {
-    "rate told too low, %": (retimed, (3.0, 6.0, 11.0, 25.0, 100.0), "rate"),
-    "rows dropped, s": (without_rows, (0.05, 0.1, 0.3, 1.5), "lost_rows"),
-    "all sensors frozen, s": (held, (0.1, 0.15, 1.5), "frozen"),
-    "one axis of all gyroscopes": (partial(_all, GYR, negated_axis(1)), (1.0,), "gyroscope_sign"),
-    "all gyroscopes negated": (partial(_all, GYR, -np.eye(3)), (1.0,), "gyroscope_negated"),
+    "rate told too low, %": (change_clock_rate, (3.0, 6.0, 11.0, 25.0, 100.0), "rate"),
+    "rows dropped, s": (drop_rows, (0.05, 0.1, 0.3, 1.5), "lost_rows"),
+    "all sensors frozen, s": (freeze_samples, (0.1, 0.15, 1.5), "frozen"),
+    "one axis of all gyroscopes": (
+        partial(_transform_all, GYR, negated_axis(1)),
+        (1.0,),
+        "gyroscope_sign",
+    ),
+    "all gyroscopes negated": (
+        partial(_transform_all, GYR, -np.eye(3)),
+        (1.0,),
+        "gyroscope_negated",
+    ),
     "all gyroscopes in deg/s": (
-        partial(_all, GYR, np.degrees(np.eye(3))),
+        partial(_transform_all, GYR, np.degrees(np.eye(3))),
         (1.0,),
         "gyroscope_unit",
     ),
     "all accelerometers in g": (
-        partial(_all, ACC, np.eye(3) / GRAVITY),
+        partial(_transform_all, ACC, np.eye(3) / GRAVITY),
         (1.0,),
         "accelerometer_unit",
     ),

@@ -1,6 +1,6 @@
-"""What a pose costs that is taken less exactly than hoped for, and what measuring a part of it gives back: `m2` and `ekf`, the default.
+"""Errors that follow from an initial pose that is missed, and what measured angles or held contacts recover of them: `m2` and `ekf`, the default.
 
-The pose misses every freedom by a normal error; measured are, in the plane of a sheet, the spread of the fingers and the wrist's deviation,
+Every degree of freedom of the pose has a normal error. Measured are, in the plane of a sheet, the spread of the fingers and the wrist's deviation
 to 0.7 deg (the columns of the pose's event, docs/motion-bids.md).
 """
 
@@ -101,7 +101,7 @@ def trials(wanted: Wanted) -> Sequence[Trial]:
 
 
 def measure(trial: Trial) -> Mapping[str, float]:
-    """Errors of the moved fingers by pose and case: tips in cm, angles in deg, NEES of both where the method tells standard deviations."""
+    """Errors of the moved fingers by pose and case: tips in cm, angles in deg, NEES of both where the method gives standard deviations."""
     found: dict[str, float] = {}
     for pose, contacts in product(POSES, CONTACTS):
         plain = _performed(trial, pose, contacts)
@@ -138,7 +138,7 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, float]]]
 
 
 def _performed(trial: Trial, pose: float, contacts: str) -> Simulated:
-    """The trial, by somebody who also touches what CONTACTS names after the pose."""
+    """The trial of a person who also holds the contacts that CONTACTS names after the pose."""
     person = PersonErrors(pose_deg=pose, distribution="normal")
     return performed_by(
         trial, person, SensorErrors(), lambda experiment: with_contacts(experiment, contacts)
@@ -146,7 +146,7 @@ def _performed(trial: Trial, pose: float, contacts: str) -> Simulated:
 
 
 def with_contacts(experiment: Experiment, contacts: str = "thumb on fingertips") -> Experiment:
-    """The experiment with contacts held between the pose and the rest; random numbers of the rest stay as they were."""
+    """The experiment with contacts held between the pose and the movement, whose random numbers stay the same."""
 
     def perform(geometry: HandGeometry, rng: np.random.Generator) -> tuple[Performance, ...]:
         pose, *rest = experiment.perform(geometry, rng)

@@ -100,20 +100,20 @@ def _retimed(made: Made, percent: float) -> Made:
     """A recording whose times run too fast."""
     return replace(
         made,
-        blocks=tuple(injected_faults.retimed(list(made.blocks), percent)),
+        blocks=tuple(injected_faults.change_clock_rate(list(made.blocks), percent)),
         instants=made.blocks[0].t,
     )
 
 
 def _without_rows(made: Made, seconds: float) -> Made:
-    (named,) = injected_faults.without_rows(
+    (named,) = injected_faults.drop_rows(
         [
             replace(b, values=np.broadcast_to(b.t[:, None, None], b.values.shape))
             for b in made.blocks
         ],
         seconds,
     )
-    blocks = tuple(injected_faults.without_rows(list(made.blocks), seconds))
+    blocks = tuple(injected_faults.drop_rows(list(made.blocks), seconds))
     return replace(made, blocks=blocks, instants=named.values[:, 0, 0])
 
 
@@ -189,7 +189,7 @@ FAULTS: Mapping[str, tuple[Fault, bool]] = {  # and whether all of the hand is a
         True,
     ),
     "all frozen 1.5 s": (
-        lambda m, c: replace(m, blocks=tuple(injected_faults.held(list(m.blocks), 1.5))),
+        lambda m, c: replace(m, blocks=tuple(injected_faults.freeze_samples(list(m.blocks), 1.5))),
         True,
     ),
     "all accelerometers negated": (lambda m, c: _by_matrix(ACC, -np.eye(3), m, None), True),

@@ -102,7 +102,7 @@ async def measure_photograph(
     "/patients/{patient_id}/photographs", dependencies=[requires_role(CLINICIAN, SCIENTIST)]
 )
 def list_photographs(db: Db, patient_id: int) -> list[dict[str, Any]]:
-    """What photographs of both hands told, the newest first."""
+    """Figures of photographs of both hands, the newest first."""
     return [row(p) for p in patients.get(db, patient_id).photographs]
 
 
@@ -117,7 +117,7 @@ def read_picture(db: Db, photograph_id: int) -> Response:
 
 @router.delete("/photographs/{photograph_id}", status_code=204)
 def remove_photograph(db: Db, photograph_id: int) -> None:
-    """Erase what it told and its picture."""
+    """Erase a photograph with its figures."""
     photographs.remove(db, photograph_id)
 
 

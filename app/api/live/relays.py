@@ -74,7 +74,7 @@ async def relay(websocket: WebSocket) -> None:
 
 
 def _is_visible(websocket: WebSocket, session: int) -> bool:
-    """Whether the account sees the session's patient now; a database that is away takes nothing from whoever had it."""
+    """Whether the account sees the session's patient now; a database that cannot be reached withdraws nothing."""
     try:
         return sees_now(parts(websocket).store, requester(websocket).name, session)
     except (DBAPIError, PoolTimeout):

@@ -17,7 +17,7 @@ from handscope.estimators.numerics.typing import Array
 SHAKEN = 1.0  # rad/s from which the fastest sensor is the one that somebody moves
 FORGET = 0.3  # s in which a sensor's motion counts less by e
 TAPPED = 2.0  # s that a tap is shown
-SHORTEST = 0.005  # s: of samples that came together nobody knows the times
+SHORTEST = 0.005  # s: samples that arrive together have no times of their own
 MOST_SENSORS = 64
 NS = 1e-9
 

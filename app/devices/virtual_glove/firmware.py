@@ -343,7 +343,7 @@ class Firmware:
 
 
 def _runs(t: np.ndarray, rate: float, most: int) -> list[tuple[int, int]]:
-    """Cut samples into bursts of at most `most`, each evenly spaced to a microsecond so that one time stamp tells them all."""
+    """Cut samples into bursts of at most `most`, each evenly spaced to a microsecond so that one time stamp describes them all."""
     runs, first = [], 0
     for k in range(1, len(t) + 1):
         if k == len(t) or k - first == most or abs(t[k] - t[first] - (k - first) / rate) > 1e-6:

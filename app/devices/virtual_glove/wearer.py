@@ -99,7 +99,7 @@ class Wearer(Protocol):
         ...
 
     def marks(self, start: float, stop: float) -> list[Event]:
-        """Events that the glove itself knows to begin between the two instants."""
+        """Events of the glove itself that begin between the two instants."""
         ...
 
 
@@ -183,7 +183,7 @@ class SimulatedPerson:
         return []
 
     def doing(self, t: Array) -> Array:
-        """The coordinates (n, 54) that the person goes through at t (n,), as told so far."""
+        """The coordinates (n, 54) that the person goes through at t (n,), as cued so far."""
         return self._motion.at(t)[0]
 
     def _felt(self, stream: Stream, start: float, stop: float) -> Block:

@@ -1,4 +1,4 @@
-"""What a station knows of the hand before it is calibrated: how it is inclined, and how well that fits the initial pose."""
+"""The hand before it is calibrated: how it is inclined, and how well that fits the initial pose."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -22,7 +22,7 @@ PATIENT = 15.0  # s of a restless pose until something else is proposed
 
 @dataclass(frozen=True)
 class StationStatus:
-    """What the station knows of glove and patient at a tick."""
+    """Glove and patient at a tick of the station."""
 
     now: float  # s, host's clock
     t: float  # s, the recording's newest sample

@@ -31,13 +31,13 @@ from handscope.estimators.measures.total_active_motion import NORM
 Section = dict[str, Any]
 OWN = ("tapping", "range_of_motion")  # measures that have one
 
-REPEATED = 3  # rows of one reason from which it is told once, below the table
+REPEATED = 3  # so many rows with one reason: it is given once, below the table
 
 
 def other_measures(
     tasks: Sequence[Task], language: Language, edition: Edition | None = None
 ) -> list[Section]:
-    """A section a measure and task, in order of time; `norms` tells of each row what others measured and who says so, None where nobody has;
+    """A section a measure and task, in order of time; `norms` gives for each row the reference value and its source, None where there is none;
     `curves` the panels of each trial that has any, with the trial's name.
     """
     groups: dict[tuple[str, str], list[Task]] = {}

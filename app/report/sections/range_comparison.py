@@ -17,14 +17,14 @@ WORD: dict[End, str] = {"largest": "max", "smallest": "min"}  # in the names of 
 
 
 def sd_of(tasks: Sequence[Task], r: Range, end: End) -> float | None:
-    """Standard deviation (rad) of that end, in the task in which it was reached; None where the method knows none."""
+    """Standard deviation (rad) of that end, in the task in which it was reached; None where the method gives none."""
     name, value = f"{r.joint}_{r.angle}_{WORD[end]}", getattr(r, end)
     found = [f.sd for t in tasks for f in t.result.figures if f.name == name and f.value == value]
     return found[0] if found else None
 
 
 def flexion_with_sd(tasks: Sequence[Task], row: RangeRow, language: Language) -> str:
-    """The row's flexion as it is read, with its standard deviation where the method knows one: "81° ± 1.8°"."""
+    """The row's flexion as it is read, with its standard deviation where the method gives one: "81° ± 1.8°"."""
     sd = sd_of(tasks, row.bend, "largest") if row.bend and row.flexion else None
     return row.flexion + (f" ± {language.number(sd * DEG, 1)}°" if sd is not None else "")
 

@@ -40,7 +40,7 @@ def stored_form(processed: Processed) -> dict[str, Any] | None:
 
 
 def length_changes(stored: Mapping[str, Any], language: Language) -> list[list[str]]:
-    """Segment, length as it was given and as movement told it, mm; of those that it told."""
+    """Segment, given length and estimated length, mm, of the lengths that were observable."""
     given, found = stored.get("given", {}), stored["table"]["segment_lengths"]
     return [
         [language.segment(s), language.number(1e3 * given[s], 1), _length(s, found[s], language)[1]]
@@ -55,7 +55,7 @@ def reused_form(c: SelfCalibration, parts: str) -> dict[str, Any]:
 
 
 def found_calibration(c: Calibration, messages: tuple[str, ...]) -> FoundCalibration | None:
-    """A calibration that movement told, as it is kept; None for one that rests on a pose alone."""
+    """A self-calibration in its stored form; None for a calibration by a pose alone."""
     return (
         FoundCalibration(calibration_table(c), messages, *c.span)
         if c.lengths_sd or c.p_BS_sd
@@ -114,7 +114,7 @@ def section(stored: Mapping[str, Any] | None, language: Language) -> dict[str, A
 
 
 def _summary(lengths: Mapping[str, Any], language: Language) -> str:
-    """How well the lengths are known that movement told."""
+    """How accurately the estimated lengths are known."""
     # two joints: a last phalanx has but one
     between = [entry for segment, entry in lengths.items() if not segment.endswith("distal")]
     known = [1e3 * float(entry["sd"]) for entry in between if "sd" in entry]

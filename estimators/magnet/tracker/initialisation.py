@@ -77,7 +77,7 @@ def initial_state(
 def _hand_heading(
     setup: Setup, q_gb: Array, q_gt: Array, near: tuple[Array, Array, Array] | None
 ) -> tuple[float, bool]:
-    """By how much the hand's heading must be turned, rad, and whether nothing tells it."""
+    """By how much the hand's heading must be turned, rad, and whether it is unobservable."""
     if setup.q_bt is not None or near is None:
         return 0.0, setup.q_bt is None
     m_g, seen = quat.rotate(q_gt, setup.magnet.moment), quat.rotate(q_gb, near[1])

@@ -1,11 +1,11 @@
 """Self-calibration in a sliding window: samples that leave are marginalised to a Gaussian prior.
 
 In      readings of a chain's sensors, some samples at a time; where to begin
-Out     Window: orientations of its samples and all parameters as everything read so far makes them probable; covariance of one sample with the parameters
+Out     Window: orientations of its samples and all parameters, estimated from all readings so far; covariance of one sample with the parameters
         and the sensors' orientations in the pose, which stay among the unknowns: the joints were straight there
 Source  residuals and unknowns: map's (Kortier, thesis ch. 4); marginalisation: Sibley, Matthies & Sukhatme 2010, J Field Robot 27:587
-Limits  what has left was linearised where it was believed then, and is not again: a poor beginning is remembered (Dong-Si & Mourikis 2011, ICRA, 5655).
-        Sizes of errors are believed, not learnt; parameters do not change with time
+Limits  samples that have left stay linearised at their estimate of that time: errors of a poor start remain in the prior (Dong-Si & Mourikis 2011, ICRA, 5655).
+        Sizes of errors are given, not estimated; parameters are constant
 """
 
 from collections.abc import Mapping, Sequence
@@ -74,7 +74,7 @@ class WindowResult:
     window: Window
     factor: Factor  # of the window's normal equations before the oldest samples left; parameters and pose are its border
     left: int  # how many of its samples did
-    misfit: float  # RMS of joints' accelerations in what they should err by: 1 where errors are as believed
+    misfit: float  # RMS of the residuals of joints' accelerations in their standard deviations
 
 
 def start_window(  # noqa: PLR0913

@@ -53,7 +53,7 @@ class Setting:
     most: int  # samples of a window
     lag: int  # of them from the newest to the one that is given out
     straight: float  # rad, how far a joint may have been off in the pose
-    length_guess: float  # share of a length that no movement tells by which it may be off
+    length_guess: float  # relative error of a length that no movement determines
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ def _mounting_sd(setting: Setting, sensor: str) -> float:
 
 
 def _bias_sd(setting: Setting, finger: Finger) -> float:
-    """What the pose leaves of biases, rad/s: of three one-second means the farthest tells how well their mean is known."""
+    """Standard deviation of the biases after the pose, rad/s: from the farthest of three one-second means."""
     quality = [
         setting.calibration.quality[s]
         for s in finger.chain.sensors
@@ -271,7 +271,7 @@ def _segments_on_hand(
 
 
 def _solution(at: Unknowns, problem: Problem, factor: Factor) -> Solution:
-    """As segments.py reads it: without the pose."""
+    """The solution in the form that segments.py reads, without the unknowns of the pose."""
     P = parameter_columns(problem.chain).count
     return Solution(
         at, problem, "converged", (), replace(factor, covariance=factor.covariance[:P, :P])
@@ -292,7 +292,7 @@ def _pose_rotation(calibration: Calibration, a: str, b: str) -> Array:
 def _estimate_uncertainty(
     setting: Setting, finger: Finger, result: WindowResult
 ) -> OutputUncertainty:
-    """Of the sample that is given out, by draws; joints' accelerations that err by more than believed make all as much less sure."""
+    """Standard deviations of the sample that is put out, by draws; where joints' accelerations err by more than assumed, all are inflated by as much."""
     window, n = result.window, len(result.window.problem)
     k = min(setting.lag + 1, n)
     at = replace(window.at, q_GS=window.at.q_GS[n - k : n - k + 1])
@@ -330,7 +330,7 @@ def _estimate_uncertainty(
 def _angles_and_tip(
     setting: Setting, finger: Finger, solution: Solution, pose: Array, luck: float
 ) -> tuple[Array, Array]:
-    """Angles (joints, 3), NaN where it is no joint of this finger, and the tip (3,), free of limits; `luck` for what no movement tells of lengths."""
+    """Angles (joints, 3), NaN where it is no joint of this finger, and the tip (3,), free of limits; `luck`, a standard normal number, stands for the error of lengths that no movement determines."""
     on_hand, lengths = _segments_on_hand(setting, solution, pose)
     q = np.full((len(SEGMENTS), 4), np.nan)
     q[SEGMENT["hand"]] = quat.IDENTITY

@@ -46,7 +46,7 @@ def estimate_uncertainty(
     mounting_sd: float,
     sized: Callable[[Segments, float], HandGeometry],
 ) -> Uncertainty:
-    """`mounting_sd` rad; `sized` makes a hand of segments and of a standard normal number for what no movement tells of lengths."""
+    """Standard deviations from draws; `mounting_sd` rad; `sized` makes a hand of segments and of a standard normal number, the error of lengths that no movement determines."""
     rows = np.unique(
         np.append(np.arange(0, len(solution.problem), EVERY), len(solution.problem) - 1)
     )
@@ -97,14 +97,14 @@ def _draw_segments(
 
 
 def _flexion_offsets(chain: Chain, turns: Array) -> Array:
-    """How far joints are bent less than they are believed to be (J,) rad, where mountings (segments, 3) are off by so much: a segment without two joints points as its has it."""
+    """Errors (J,) rad of the flexion of joints where mountings are off by `turns` (segments, 3) rad: a segment without two joints points as its mounting says."""
     shown = {s for s, _, _ in residuals.bones(chain)}
     z = [0.0 if s in shown else turns[SEGMENT[name], 2] for s, name in enumerate(chain.sensors)]
     return np.array([z[child] - z[parent] for parent, child in zip(chain.parents, chain.children)])
 
 
 def straighten(at: Unknowns, chain: Chain, off: Array) -> Unknowns:
-    """What sensors see of their segments where joints are straight, if that is where they are believed to be bent by `off` (J,) rad: skin is pulled by as much."""
+    """The unknowns with skin that is unstrained where joints are estimated to be bent by `off` (J,) rad."""
     near, far, axis_near, axis_far, slide = (
         at.near.copy(),
         at.far.copy(),

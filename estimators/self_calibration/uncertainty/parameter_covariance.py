@@ -1,10 +1,10 @@
 """Covariance of the parameters, corrected for noise that looks like information and for the random walk of biases.
 
 In      a Problem, the place of its minimum, the factor of its normal equations
-Out     the same factor with a covariance (P, P) that has both in it
-Source  errors in variables: an arm multiplies an angular acceleration that is noisy itself; Fuller 1987, Measurement error models, 1.2, 2.2. A walk's mean
+Out     the same factor with a covariance (P, P) that accounts for both
+Source  errors in variables: an arm is multiplied by an angular acceleration, which is noisy itself; Fuller 1987, Measurement error models, 1.2, 2.2. A walk's mean
         against its beginning: its variance grows by q^2 T / 3, integral of a Wiener process
-Limits  gyroscopes' noise is as declared within NOISE_KNOWN; the walk is that of the option, it is not estimated
+Limits  the gyroscopes' noise is the declared one within NOISE_KNOWN; the random walk is that of the option and is not estimated
 """
 
 from collections.abc import Sequence
@@ -23,11 +23,11 @@ from handscope.estimators.self_calibration.uncertainty import posterior, sandwic
 CHUNK = 1024  # samples whose derivatives are in memory at once
 DRAWS = 2  # of the trajectory: it has thousands of samples
 NOISE_KNOWN = 0.25  # share of the gyroscopes' variance by which it may differ from the declared one: their noise is known within an eighth
-DOUBTED = 3.0  # times what noise makes up is taken off: it may be that much larger, and it is random itself
+DOUBTED = 3.0  # times the spurious information is subtracted: it may be that much larger, and is random itself
 
 
 def correct_covariance(problem: Problem, at: Unknowns, factor: Factor, spurious: Array) -> Factor:
-    """The factor with a covariance as sure as movement makes it; `spurious` (P, P) of `spurious_information`."""
+    """The factor with the covariance that the movement itself supports; `spurious` (P, P) of `spurious_information`."""
     slopes = residuals.prior_residuals(problem, at)[1]
     covariance = without_noise(
         factor.covariance, spurious, slopes.T @ slopes, arm_directions(problem, at)
@@ -47,7 +47,7 @@ def spurious_information(
     draws: int = DRAWS,
     known: Sequence[Terms] | None = None,
 ) -> Array:
-    """Information (P, P) on the arms that noise of the orientations makes up: what it would be if nothing turned; `known` are `joint_acceleration_terms` of all samples."""
+    """Information (P, P) on the arms that comes from noise of the orientations alone: what it would be if nothing turned; `known` are `joint_acceleration_terms` of all samples."""
     n, e, P = factor.Y.shape
     count = parameter_columns(problem.chain).near.stop
     information = np.zeros((P, P))
@@ -86,7 +86,7 @@ def _noise_terms(problem: Problem, at: Unknowns, turns: Array, terms: Terms) -> 
 
 
 def arm_directions(problem: Problem, at: Unknowns) -> Array:
-    """Each arm alone (2 J, P) m: what the other parameters are counts as 0."""
+    """Directions (2 J, P) m of each arm alone; the other parameters are 0 in them."""
     directions = np.zeros((2 * len(at.far), parameter_columns(problem.chain).count))
     for k, arm in enumerate((*at.far, *at.near)):
         directions[k, 3 * k : 3 * k + 3] = arm
@@ -94,7 +94,10 @@ def arm_directions(problem: Problem, at: Unknowns) -> Array:
 
 
 def without_noise(covariance: Array, spurious: Array, before: Array, arms: Array) -> Array:
-    """Covariance (P, P) less what noise made up of its information, with how far noise pulls `arm_directions` (m, P); never less sure than `before` (P, P)."""
+    """Covariance (P, P) without the spurious part of its information, plus the bias that noise causes along `arm_directions` (m, P).
+
+    `before` (P, P) is the prior information, which always remains.
+    """
     root = np.linalg.cholesky(before)
     off = np.linalg.solve(
         root,
@@ -109,7 +112,7 @@ def without_noise(covariance: Array, spurious: Array, before: Array, arms: Array
 
 
 def bias_walk_variance(problem: Problem) -> Array:
-    """Variances (P,) of gyroscopes' biases at the beginning, for what was found is their mean, and they walk."""
+    """Variances (P,) that gyroscope biases at the beginning have besides: their mean over the recording was estimated, and they walk."""
     variances = np.zeros(parameter_columns(problem.chain).count)
     variances[parameter_columns(problem.chain).bias_gyr] = (
         np.radians(problem.noise.gyr_bias_walk) ** 2 * problem.dt * len(problem) / 3

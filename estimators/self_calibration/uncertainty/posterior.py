@@ -1,10 +1,10 @@
-"""How sure the solution is, and how large the errors were that it met.
+"""Posterior of a solution: covariance of the parameters, draws, and the estimated sizes of the errors.
 
 In      a Problem and the place of its minimum
-Out     covariance of the parameters, draws of everything (what is made of them has their spread), sizes of the errors
+Out     covariance of the parameters, draws of all unknowns, sizes of the errors
 Source  Gauss-Newton covariance; draws by a triangular solve (blocks of the band's inverse lose all digits here: its second differences are nearly
         singular); sizes of errors: iterated almost unbiased estimates of variance components, Forstner 1979, traces by draws, Hutchinson 1990
-Limits  as sure as the sizes of errors say; what no relation models (a sensor that slipped) is found by its residuals only
+Limits  holds for the estimated sizes of errors; errors outside the model (a sensor that slipped) appear in the residuals only
 """
 
 from collections.abc import Iterator
@@ -29,19 +29,19 @@ CHUNK = 1024  # samples whose derivatives are in memory at once
 # m/s^2, deg, deg, mm: of the best sensors on a printed finger
 LEAST_ACC, LEAST_HINGE, LEAST_TURN, LEAST_SLIDE = 0.005, 0.1, 0.02, 0.01
 LEAST_SCALE, LEAST_LAW = 1e-4, 0.02
-SETTLING = 50  # times that a spread is estimated anew
+ITERATIONS = 50  # of the estimate of a spread
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """RMS of residuals in their standard deviations, less what the unknowns took up: 1 where errors are as large as believed."""
+    """RMS of residuals in their standard deviations, corrected for the degrees of freedom of the unknowns: 1 where errors are as large as assumed."""
 
     meeting: float
     hinging: float
 
 
 def draw_places(problem: Problem, at: Unknowns, factor: Factor, count: int) -> Iterator[Unknowns]:
-    """Places as probable as the readings leave them."""
+    """Draws of all unknowns from the posterior."""
     for k in range(count):
         step = _draw_step(factor, k)
         yield apply_increment(
@@ -50,7 +50,7 @@ def draw_places(problem: Problem, at: Unknowns, factor: Factor, count: int) -> I
 
 
 def residual_sizes(problem: Problem, at: Unknowns, factor: Factor) -> Sizes:
-    """Of accelerations at joints and of hinges, at the minimum."""
+    """Residual sizes of accelerations at joints and of hinges, at the minimum."""
     step, ratios = _draw_step(factor, 0), []
     for kind, always_zero in (
         (residuals.joint_acceleration_terms, 0),
@@ -99,7 +99,7 @@ def residual_change(terms: residuals.Terms, step: normal_equations.Step) -> Arra
 
 
 def estimate_noise(problem: Problem, at: Unknowns, factor: Factor) -> Noise:
-    """The sizes of errors as they were met: of accelerations, hinges, skin, scales."""
+    """Estimated sizes of the errors of accelerations, hinges, skin and scales."""
     noise, c, met = (
         problem.noise,
         parameter_columns(problem.chain),
@@ -130,17 +130,19 @@ def estimate_noise(problem: Problem, at: Unknowns, factor: Factor) -> Noise:
     )
 
 
-def _spread(values: Array, variance: Array, believed: float) -> float:
-    """The standard deviation of unknowns that were believed to spread by `believed` about 0. Source: MacKay 1992, Bayesian interpolation, (4.9)."""
-    count = values.size - float(variance.sum()) / believed**2  # of how many the readings speak
-    return float(np.sqrt((values**2).sum() / count)) if count > 1 else believed
+def _spread(values: Array, variance: Array, prior_sd: float) -> float:
+    """Estimated standard deviation of unknowns with the prior N(0, prior_sd^2). Source: MacKay 1992, Bayesian interpolation, (4.9)."""
+    count = (
+        values.size - float(variance.sum()) / prior_sd**2
+    )  # effective number of parameters that the readings determine
+    return float(np.sqrt((values**2).sum() / count)) if count > 1 else prior_sd
 
 
-def most_likely_spread(values: Array, covariance: Array, believed: float, least: float) -> float:
-    """The same of a few unknowns (m,), gone on with to its end: what the readings alone say of them is their covariance (m, m) less what was believed."""
-    information = np.linalg.inv(covariance) - np.eye(len(values)) / believed**2
-    pull, spread = (information + np.eye(len(values)) / believed**2) @ values, believed
-    for _ in range(SETTLING):
+def most_likely_spread(values: Array, covariance: Array, prior_sd: float, least: float) -> float:
+    """The same for a few unknowns (m,), iterated to convergence; `covariance` (m, m) is that of their posterior, from which the prior is taken off."""
+    information = np.linalg.inv(covariance) - np.eye(len(values)) / prior_sd**2
+    pull, spread = (information + np.eye(len(values)) / prior_sd**2) @ values, prior_sd
+    for _ in range(ITERATIONS):
         sure = np.linalg.inv(information + np.eye(len(values)) / spread**2)
         spread = max(_spread(sure @ pull, np.diag(sure), spread), least)
     return spread

@@ -1,10 +1,10 @@
-"""How unsure parameters are where what nobody modelled stays for a while: skin that lags behind a joint, a joint that gives.
+"""Sandwich covariance of the parameters, for errors that the model lacks and that last a while: skin that lags behind a joint, a compliant joint.
 
 In      a limb, or the whole hand, the place of its minimum, the factor of its normal equations
-Out     how far each half second pulls the parameters; a covariance that has it in it; how much more that is than errors of single samples would do
-Source  covariance of an estimate whose model is not the true one, of observations in groups: Huber 1967, 5th Berkeley Symposium; Liang & Zeger 1986,
-        Biometrika 73. Where every residual is a matter of its own, as is believed, groups pull as far as the normal equations say
-Limits  an error that pulls a parameter alike in every half second is taken for the parameter: it shows in other parameters only
+Out     the gradient of each half second by the parameters (its pull); a covariance that includes these; how much larger they are than independent errors explain
+Source  covariance of an estimate under a wrong model, from observations in groups: Huber 1967, 5th Berkeley Symposium; Liang & Zeger 1986,
+        Biometrika 73. Where residuals are independent, as the model assumes, the pulls agree with the normal equations
+Limits  an error that pulls a parameter in the same way in every half second cannot be told from the parameter; it shows in other parameters only
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -26,14 +26,14 @@ from handscope.estimators.self_calibration.whole_hand import problem as whole_ha
 from handscope.estimators.self_calibration.whole_hand.normal_equations import HandFactor, HandNormal
 from handscope.estimators.self_calibration.whole_hand.problem import HandPlace, HandProblem
 
-TOGETHER = 0.5  # s: what is off stays so for about 0.2 s, as long as a finger bends one way
+TOGETHER = 0.5  # s of a group: such errors last for about 0.2 s, as long as a finger bends in one direction
 GROUPS = 16  # whose pulls are in memory at once
-# residuals, where a sample's unknowns and the parameters that they touch stand in the whole's
+# residuals, rows of a sample's unknowns, columns of the parameters that they depend on
 Placed = tuple[Terms, Indices, Indices]
 
 
 def widen_covariance(corrected: Array, pulls: Array, covariance: Array) -> Array:
-    """The covariance `corrected` (P, P), in every direction at least what pulls (m, P) vary by; `covariance` (P, P) is that of the normal equations."""
+    """The covariance `corrected` (P, P), raised in every direction to at least that of the pulls (m, P); `covariance` (P, P) is that of the normal equations."""
     root = np.linalg.cholesky(corrected)
     off = np.linalg.solve(root, covariance @ pulls.T)
     size, directions = np.linalg.eigh(off @ off.T)
@@ -42,7 +42,7 @@ def widen_covariance(corrected: Array, pulls: Array, covariance: Array) -> Array
 
 
 def squared_pulls(pulls: Array, covariance: Array) -> Array:
-    """Squares of the pulls on each parameter (P,) beside what errors of single samples, of the size that they were met as, make of them: 1, less where what was known before holds."""
+    """Squared pulls on each parameter (P,) relative to what independent errors of the estimated size explain: 1, and less where the prior dominates."""
     return np.asarray(np.einsum("mp,mp->p", pulls @ covariance, pulls))
 
 
@@ -59,7 +59,7 @@ def worst_joint(chain: Chain, squares: Array) -> tuple[int, float]:
 
 
 def limb_pulls(problem: Problem, at: Unknowns, factor: Factor) -> Array:
-    """Gradients (m, P) of half the sum of squares by the parameters, of each group of samples, while the movement gives way."""
+    """Gradients (m, P) of half the sum of squares by the parameters, of each group of samples, with the movement eliminated."""
     n, e, P = factor.Y.shape
 
     def terms(first: int, last: int) -> Iterator[Placed]:
@@ -67,10 +67,10 @@ def limb_pulls(problem: Problem, at: Unknowns, factor: Factor) -> Array:
             own = kind(problem, at, first, last)
             yield own, np.arange(e), own.cols
 
-    def answered(of_samples: Array) -> Array:
+    def eliminate(of_samples: Array) -> Array:
         return np.array([normal_equations.project_on_parameters(factor, v) for v in of_samples])
 
-    return _group_pulls((n, e, P), problem.dt, terms, answered)
+    return _group_pulls((n, e, P), problem.dt, terms, eliminate)
 
 
 def hand_pulls(
@@ -107,9 +107,9 @@ def _group_pulls(
     shape: tuple[int, int, int],
     dt: float,
     terms: Callable[[int, int], Iterable[Placed]],
-    answered: Callable[[Array], Array],
+    eliminate: Callable[[Array], Array],
 ) -> Array:
-    """Of n samples with so many unknowns, and P parameters; `answered` gives B' A^-1 v (m, P) of v (m, n, unknowns)."""
+    """Pulls (m, P); `shape` is samples, unknowns of a sample, parameters; `eliminate` gives B' A^-1 v (m, P) of v (m, n, unknowns)."""
     (n, e, P), each, pulls = shape, round(TOGETHER / dt), []
     for first in range(0, n, GROUPS * each):
         last = min(first + GROUPS * each, n)
@@ -124,7 +124,7 @@ def _group_pulls(
                 cols,
                 (np.maximum(one.first + np.arange(len(one.r)), first) - first) // each,
             )
-        pulls.append(own - answered(of_samples))
+        pulls.append(own - eliminate(of_samples))
     return np.concatenate(pulls)
 
 

@@ -33,9 +33,9 @@ OWN = 3  # unknowns of a sample beside turns: the error of the hand's accelerome
 class HandProblem:
     """Limbs that share the hand's sensor."""
 
-    limbs: tuple[Problem, ...]  # over the same samples; the first speaks for what they share
+    limbs: tuple[Problem, ...]  # over the same samples; what they share is counted in the first
     acc_sd: Array  # (n,) m/s^2, of the hand's accelerometer
-    noise: Noise  # as it was believed before anything was learnt
+    noise: Noise  # prior sizes of the errors
 
     def __len__(self) -> int:
         return len(self.limbs[0])

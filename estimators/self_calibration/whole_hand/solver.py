@@ -1,7 +1,7 @@
 """The most probable movement of a whole hand, from fingers that were solved one by one.
 
 In      Solutions of limbs over the same samples, each with the hand's sensor as its root
-Out     HandSolution: each limb's Solution with the covariance that it has in the whole; draws of all limbs together
+Out     HandSolution: from it each limb's Solution with its covariance within the whole hand; draws of all limbs together
 Source  solver.py, posterior.py for one limb
 """
 
@@ -33,7 +33,7 @@ from handscope.estimators.self_calibration.whole_hand import problem as whole_ha
 from handscope.estimators.self_calibration.whole_hand.normal_equations import HandFactor, HandNormal
 from handscope.estimators.self_calibration.whole_hand.problem import HandPlace, HandProblem
 
-NEAR = 0.05  # of half a sum of squares for each parameter: a third of a standard deviation of each
+NEAR = 0.05  # decrease of the cost for each parameter: a third of a standard deviation of each
 UNDAMPED = 1e-8
 
 
@@ -56,7 +56,7 @@ def solve(
     limits: Limits,
     go_on: Callable[[int, float], bool] = lambda k, cost: True,
 ) -> HandSolution:
-    """Go down from what was found limb by limb."""
+    """Minimise the cost of the whole hand from the solutions of its limbs; `go_on` (iteration, cost) stops it by False."""
     problem, start = (
         whole_hand_problem.gather_limbs([s.problem for s in alone], noise),
         whole_hand_problem.merge_places([s.at for s in alone]),
@@ -81,7 +81,7 @@ def solve(
     factor = replace(
         raw,
         covariance=sandwich_covariance.widen_covariance(
-            _with_covariance(result.problem, result.at, raw, alone), pulls, raw.covariance
+            _corrected_covariance(result.problem, result.at, raw, alone), pulls, raw.covariance
         ),
     )
     return HandSolution(
@@ -95,10 +95,10 @@ def solve(
     )
 
 
-def _with_covariance(
+def _corrected_covariance(
     problem: HandProblem, at: HandPlace, factor: HandFactor, alone: Sequence[Solution]
 ) -> Array:
-    """As sure as movement makes it: noise makes up in the whole what it made up in each limb alone."""
+    """Covariance (P, P) without spurious information, which is taken from each limb alone."""
     where = factor.layout
     spurious, before, variances = (
         np.zeros((where.count, where.count)),
@@ -128,7 +128,7 @@ def _with_covariance(
 
 @dataclass(frozen=True)
 class _Factored:
-    """The last factor of a descent."""
+    """The last factor of the minimisation."""
 
     cost: float  # where it was made
     damping: float
@@ -137,7 +137,7 @@ class _Factored:
 
 
 def _is_near(last: _Factored, result: DescentResult[HandProblem, HandPlace]) -> bool:
-    """Whether a factor of an earlier place tells how sure the last one is: what was gained since is little for that many unknowns."""
+    """Whether the last factor holds for the minimum, too: the cost has decreased little since, for so many unknowns."""
     return (
         last.damping <= UNDAMPED
         and result.outcome == "converged"
@@ -148,7 +148,7 @@ def _is_near(last: _Factored, result: DescentResult[HandProblem, HandPlace]) -> 
 def _linearise(
     last: list[_Factored], problem: HandProblem, at: HandPlace
 ) -> Linearised[HandProblem, HandPlace]:
-    last.clear()  # before there are two
+    last.clear()  # frees the old factor before a new one is made
     normal = hand_equations.build_normal_equations(problem, at)
 
     def damped(damping: float) -> HandPlace:
@@ -168,7 +168,7 @@ def _linearise(
 
 
 def split_limbs(solution: HandSolution) -> list[Solution]:
-    """Each limb as it is in the whole; of its factor only the covariance, draws are those of the whole."""
+    """The solution of each limb within the whole hand; its factor holds the covariance only, draws come from the whole (`draw_places`)."""
     return [
         Solution(
             at,
@@ -186,7 +186,7 @@ def split_limbs(solution: HandSolution) -> list[Solution]:
 
 
 def _limb_columns(solution: HandSolution) -> list[Indices]:
-    """Where each limb's own columns stand in the whole's."""
+    """Columns of each limb's own parameters among those of the hand."""
     return [
         cols[: parameter_columns(limb.chain).count]
         for limb, cols in zip(solution.problem.limbs, solution.factor.layout.parameters)
@@ -202,7 +202,7 @@ def worst_joints(solution: HandSolution) -> list[tuple[int, float]]:
 
 
 def draw_places(solution: HandSolution, count: int) -> Iterator[tuple[Unknowns, ...]]:
-    """Places of all limbs as probable as the readings leave them."""
+    """Draws from the posterior: unknowns of all limbs."""
     n, each, P = len(solution.problem), solution.factor.layout.each, solution.factor.layout.count
     numbers = np.stack([posterior.normal_numbers(n * each + P, k) for k in range(count)])
     for step in hand_equations.draw_steps(

@@ -122,7 +122,7 @@ def spread() -> Array:
 def initial_pose(
     geometry: HandGeometry, duration: float = 6.0, taken: Array | None = None
 ) -> Performance:
-    """The flat pose, held; the event is the part held still and tells the flat pose even where another, `taken` (54,), is held."""
+    """The flat pose, held; the event is the part held still and states the flat pose even where another, `taken` (54,), is held."""
     angles = dict(
         zip(
             ("thumb_cmc_flexion_deg", "thumb_cmc_deviation_deg", "thumb_cmc_pronation_deg"),

@@ -51,7 +51,7 @@ def test_a_fusion_without_errors_is_scored_near_zero_where_the_cameras_see_the_b
     turning: Path,
 ) -> None:
     trial = broad.read(turning)
-    error = broad.scored(trial, broad.oriented(trial, (GYR, ACC, MAG), FusionParams()))
+    error = broad.score(trial, broad.estimate_orientation(trial, (GYR, ACC, MAG), FusionParams()))
     assert len(error.total) == N - 501 - 100
     assert DEG * np.abs(error.heading).max() < 0.5
     assert DEG * error.inclination.max() < 0.1
@@ -60,7 +60,7 @@ def test_a_fusion_without_errors_is_scored_near_zero_where_the_cameras_see_the_b
 def test_a_heading_that_is_ten_degrees_off_counts_as_heading(turning: Path) -> None:
     trial = broad.read(turning)
     q_GS = quat.multiply(quat.about(2, np.radians(10.0)), np.nan_to_num(trial.q_ref))
-    error = broad.scored(trial, q_GS)
+    error = broad.score(trial, q_GS)
     np.testing.assert_allclose(DEG * error.heading, 10.0, atol=1e-6)
     np.testing.assert_allclose(DEG * error.inclination, 0.0, atol=1e-4)
 

@@ -1,4 +1,4 @@
-"""Force sensors in cuffs on thumb and index finger: what they tell of a pinch, with all that can be wrong with them, and what they read on a bench under weights.
+"""Force sensors in cuffs on thumb and index finger: readings of a pinch with all errors of such sensors, and readings on a bench under weights.
 
 Frames  each sensor's own; its cuff holds it and the inertial sensor, misaligned to each other
 Units   N; raw readings in counts
@@ -18,13 +18,13 @@ WEIGHTS = (0.1, 0.2)  # kg that hang on the bench along both senses of every axi
 
 
 def channel(finger: str, axis: str) -> str:
-    """Its name on the bench and in the recording."""
+    """Name of a channel on the bench and in the recording."""
     return f"{finger}_force_{axis}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cuffs:
-    """Sizes of errors are standard deviations of every axis, of both sensors."""
+    """Errors of both sensors; sizes are standard deviations of every axis."""
 
     rate: float = 12.0  # Hz
     calibrated: bool = False  # by weights on a bench, with the inertial sensor of the cuff
@@ -37,10 +37,10 @@ class Cuffs:
     # of thumb and index finger, changed since the calibration
     gain: tuple[float, float] = 1.0, 1.0
     jump: float = 0.0  # N of the thumb's zero while the object is held
-    limit: float = 30.0  # N, not told
-    soft: float = 0.0  # N, at which they saturate; 0: do not
+    limit: float = 30.0  # N, full scale; not declared in the recording
+    soft: float = 0.0  # N, scale of a soft saturation; 0: none
     low_pass: float = 0.0  # Hz; 0: none
-    late: float = 0.0  # s
+    late: float = 0.0  # s by which time stamps are late
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Sensor:
 
 
 def draw_sensor(cuffs: Cuffs, rng: np.random.Generator) -> Sensor:
-    """One of them."""
+    """A sensor with errors drawn at random."""
     matrix = (
         np.eye(3)
         + np.diag(cuffs.scale * rng.normal(size=3))
@@ -75,19 +75,21 @@ def simulate_readings(
         forces = np.asarray(lfilter([share], [1, share - 1], forces, axis=0))
     out = np.empty((len(t), 2, 3))
     for k, sensor in enumerate(sensors):
-        felt = (pinch.q[k][rows] * sensor.turned).inv().apply(forces[rows, k]) @ sensor.matrix.T
+        reading = (pinch.q[k][rows] * sensor.turned).inv().apply(forces[rows, k]) @ sensor.matrix.T
         if cuffs.soft:
-            felt = cuffs.soft * np.tanh(felt / cuffs.soft)
-        walked = cuffs.walk / np.sqrt(cuffs.rate) * np.cumsum(rng.normal(size=felt.shape), axis=0)
-        felt = (
-            cuffs.gain[k] * felt
+            reading = cuffs.soft * np.tanh(reading / cuffs.soft)
+        walked = (
+            cuffs.walk / np.sqrt(cuffs.rate) * np.cumsum(rng.normal(size=reading.shape), axis=0)
+        )
+        reading = (
+            cuffs.gain[k] * reading
             + sensor.offset
             + walked
-            + cuffs.noise * rng.normal(size=felt.shape)
+            + cuffs.noise * rng.normal(size=reading.shape)
         )
         if k == 0 and cuffs.jump:
-            felt += cuffs.jump * np.outer(t > pinch.task[0] + 4.0, [1.0, 0.0, 0.0])
-        out[:, k] = np.clip(felt, -cuffs.limit, cuffs.limit)
+            reading += cuffs.jump * np.outer(t > pinch.task[0] + 4.0, [1.0, 0.0, 0.0])
+        out[:, k] = np.clip(reading, -cuffs.limit, cuffs.limit)
     return t + cuffs.late, out
 
 
@@ -105,6 +107,8 @@ def on_the_bench(sensor: Sensor, finger: str, rng: np.random.Generator) -> str:
         # nobody holds it straight
         hung = Rotation.from_rotvec(np.radians(3.0) * rng.normal(size=3)).apply(down)
         acc = -GRAVITY * sensor.turned.apply(hung) + bias + 0.01 * rng.normal(size=3)
-        feels = sensor.matrix @ (-mass * GRAVITY * hung) + sensor.offset + 0.01 * rng.normal(size=3)
-        rows.append(",".join(f"{value:.6g}" for value in [1e3 * mass, *acc, *(feels / COUNT)]))
+        reading = (
+            sensor.matrix @ (-mass * GRAVITY * hung) + sensor.offset + 0.01 * rng.normal(size=3)
+        )
+        rows.append(",".join(f"{value:.6g}" for value in [1e3 * mass, *acc, *(reading / COUNT)]))
     return "\n".join(rows) + "\n"

@@ -1,6 +1,6 @@
 """A trunk with magnetometers, a hand with a magnet, and the room around them: motion, field and faults of sensors from physics alone.
 
-It shares nothing with the estimators or with their own simulator: no quaternion, no dipole, no motion, no constant. Its imports are numpy's and scipy's, and a test says so.
+It shares nothing with the estimators or with their own simulator: no quaternion, no dipole, no motion, no constant. It imports numpy and scipy only, which a test holds.
 
 Frames  room: x right, y forward, z up; sensor on the breastbone: x right, y down, z forward; hand's sensor: on the back of the left hand, x dorsal, y distal
 Source  field of a current loop: Smythe, Static and dynamic electricity, 3rd ed., 7.10; a cylinder magnetised along its axis is the sheet of current around it; reach of minimum
@@ -34,9 +34,9 @@ EARTH = 48e-6 * np.array([0.0, np.cos(np.radians(64.0)), -np.sin(np.radians(64.0
 # T/m, root mean square of the components' slopes: BROAD's laboratory (decision 0011)
 GRADIENT = 2.3e-6
 RATE, MAG_RATE = 100.0, 75.0  # Hz
-# s by which the trunk's samples and the magnetometers' come after the hand's
+# s by which samples of the trunk and of the magnetometers come after the hand's
 TRUNK_PHASE, MAG_PHASE = 0.004, 0.007
-LATEST = 0.010  # s: a magnetometer has measured before it is read and stamped
+LATEST = 0.010  # s: longest time from a magnetometer's measurement to its time stamp
 BIAS_GYR, BIAS_ACC = np.radians(0.3), 0.05  # rad/s, m/s^2
 SCALE, MISALIGNMENT = 0.003, np.radians(0.2)  # of the inertial sensors' axes
 NOISE_GYR, NOISE_ACC = np.radians(0.007), 180e-6 * G  # a root hertz
@@ -68,14 +68,14 @@ class Motion:
 
 @dataclass(frozen=True)
 class Worn:
-    """Sensors and magnet of one person as they are, and as they were told."""
+    """Sensors and magnet of one person as they are, and as they are declared."""
 
     # of trunk's and hand's gyroscope, then accelerometers: matrix (3, 3), bias (3,)
     imu: tuple[tuple[Array, Array], ...]
     places: Array  # (magnetometers, 3) m
-    iron: Array  # (magnetometers, 3, 3), turned axes in it
-    hard: Array  # (magnetometers, 3) T
-    late: float  # s
+    iron: Array  # (magnetometers, 3, 3) soft iron, with the axes' misalignment
+    hard: Array  # (magnetometers, 3) T, hard iron
+    late: float  # s by which time stamps of the magnetometers are late
     moment: Array  # (3,) A m^2, hand's sensor
     lever: Array  # (3,) m
     declared_places: Array
@@ -88,11 +88,11 @@ class Room:
 
     field: Array  # (3,) T
     slopes: Array  # (3, 3) T/m, symmetric and without trace: no current, no magnet here
-    lit: Array  # (3,) m where the field is `field`
+    origin: Array  # (3,) m, where the field is `field`
 
     def at(self, p: Array) -> Array:
-        """(n, 3) T at places (n, 3)."""
-        return np.asarray(self.field + (p - self.lit) @ self.slopes)
+        """Field (n, 3) T at places (n, 3) m."""
+        return np.asarray(self.field + (p - self.origin) @ self.slopes)
 
 
 def room(rng: np.random.Generator, gradient: float = GRADIENT) -> Room:
@@ -214,8 +214,8 @@ def turned_about(rng: np.random.Generator, seconds: float = 60.0) -> Motion:
     return Motion(t, (p, p + 5.0), (R, R))
 
 
-def jerk_least(u: Array) -> Array:
-    """From 0 to 1 with the least jerk. (Flash & Hogan 1985)"""
+def minimum_jerk(u: Array) -> Array:
+    """Minimum-jerk course from 0 to 1 for u from 0 to 1. (Flash & Hogan 1985)"""
     s = np.clip(u, 0.0, 1.0)
     return np.asarray(s**3 * (10 - 15 * s + 6 * s**2))
 
@@ -228,19 +228,19 @@ def moves(
     lasting: tuple[float, float],
     rest: float,
 ) -> Array:
-    """(len(t), n) coordinates that go from value to value within +-size, each in a time of its own, with rests between."""
+    """Coordinates (len(t), n) that go from value to value within +-size, each with durations of its own and rests between."""
     out = np.zeros((len(t), n))
     for k in range(n):
         begin, value = STILL + rng.uniform(0, 1), 0.0
         while begin < t[-1]:
             to, long = rng.uniform(-size, size), rng.uniform(*lasting)
-            out[:, k] += (to - value) * jerk_least((t - begin) / long)
+            out[:, k] += (to - value) * minimum_jerk((t - begin) / long)
             begin, value = begin + long * rng.uniform(0.8, 1.0) + rng.exponential(rest), to
     return out
 
 
 def breathing(rng: np.random.Generator, t: Array) -> tuple[Array, Array]:
-    """Place (n, 3) m and angles (n, 3) rad about right, down, forward: nobody's trunk rests."""
+    """Position (n, 3) m and angles (n, 3) rad about right, down, forward of a trunk that breathes."""
     breath = np.sin(2 * np.pi * rng.uniform(0.2, 0.3) * t + 0.6 * np.sin(2 * np.pi * 0.05 * t))
     slow = np.sin(2 * np.pi * 0.07 * t[:, None] + rng.uniform(0, 6, 3))
     return 0.003 * breath[:, None] * [0, 1, 0.3] + 0.002 * slow, np.radians(0.8) * breath[
@@ -249,12 +249,12 @@ def breathing(rng: np.random.Generator, t: Array) -> tuple[Array, Array]:
 
 
 def seated(rng: np.random.Generator, t: Array) -> tuple[Array, Array]:
-    """Position (n, 3) in m and orientation of a trunk that breathes."""
+    """Trunk of a seated person, as `breathing`."""
     return breathing(rng, t)
 
 
 def leaning(rng: np.random.Generator, t: Array) -> tuple[Array, Array]:
-    """Leans of some centimetres and turns up to 30 deg, beside breath."""
+    """Trunk that leans by some centimetres and turns by up to 30 deg, as `breathing`."""
     p, angles = breathing(rng, t)
     yaw, pitch, roll = moves(rng, t, 3, 1.0, (1.5, 3.0), 0.5).T
     turned = np.column_stack([np.radians(12) * pitch, np.radians(30) * yaw, np.radians(6) * roll])
@@ -264,9 +264,9 @@ def leaning(rng: np.random.Generator, t: Array) -> tuple[Array, Array]:
 
 
 def stepping(rng: np.random.Generator, t: Array) -> tuple[Array, Array]:
-    """Steps on the spot: sideways with every stride, up and down with every step."""
+    """Trunk in stepping on the spot: sideways with every stride, up and down with every step; as `breathing`."""
     stride = 2 * np.pi * rng.uniform(0.8, 1.0) * np.maximum(t - STILL, 0.0)
-    begun = jerk_least((t - STILL) / 3.0)[:, None]
+    begun = minimum_jerk((t - STILL) / 3.0)[:, None]
     p, angles = breathing(rng, t)
     sway = np.column_stack(
         [0.025 * np.sin(stride), 0.008 * np.sin(2 * stride + 1), 0.015 * np.sin(2 * stride)]
@@ -280,21 +280,21 @@ def stepping(rng: np.random.Generator, t: Array) -> tuple[Array, Array]:
 def reaching(
     rng: np.random.Generator, t: Array, trunk: Callable[[float], tuple[Array, Rotation]]
 ) -> tuple[Array, Array]:
-    """To things at 12 to 38 cm from the breastbone, where they are as each reach begins; the hand turned as it likes."""
+    """Hand, position (n, 3) m and angles (n, 3) rad: reaches to places 12 to 38 cm from the breastbone at the beginning of the reach, with random orientations."""
     return _reaches(rng, t, trunk, 0.12, 0.38), moves(rng, t, 3, np.radians(40), (0.7, 1.5), 0.4)
 
 
 def touching(
     rng: np.random.Generator, t: Array, trunk: Callable[[float], tuple[Array, Rotation]]
 ) -> tuple[Array, Array]:
-    """To the chest and away: the nearest magnetometers come to their limit."""
+    """Hand to the chest and away, as `reaching`: the nearest magnetometers saturate."""
     return _reaches(rng, t, trunk, 0.04, 0.25), moves(rng, t, 3, np.radians(30), (0.7, 1.5), 0.4)
 
 
 def resting(
     rng: np.random.Generator, t: Array, trunk: Callable[[float], tuple[Array, Rotation]]
 ) -> tuple[Array, Array]:
-    """On a table, a quarter of a metre before the breastbone."""
+    """Hand at rest on a table, a quarter of a metre before the breastbone; as `reaching`."""
     p, R = trunk(0.0)
     at = p + R.apply(rng.uniform([-0.06, 0.02, 0.18], [0.10, 0.10, 0.26]))
     tremor = 2e-4 * np.sin(2 * np.pi * 8.5 * t[:, None] + rng.uniform(0, 6, 3))
@@ -304,7 +304,7 @@ def resting(
 def sliding(
     rng: np.random.Generator, t: Array, trunk: Callable[[float], tuple[Array, Rotation]]
 ) -> tuple[Array, Array]:
-    """To and fro over a table without turning."""
+    """Hand that slides to and fro over a table without turning, as `reaching`."""
     p, R = trunk(0.0)
     level = moves(rng, t, 2, 1.0, (1.0, 2.5), 0.6) * [0.10, 0.09]
     return p + R.apply([0.03, 0.08, 0.23]) + np.column_stack([level, np.zeros(len(t))]), np.zeros(
@@ -329,7 +329,7 @@ def _reaches(
             [0.02, 0.05, 0.0]
             + away * np.array([np.sin(side) * np.cos(up), np.sin(up), np.cos(side) * np.cos(up)])
         )
-        out += (to - at) * jerk_least((t - begin) / long)[:, None]
+        out += (to - at) * minimum_jerk((t - begin) / long)[:, None]
         begin, at = begin + long * rng.uniform(0.85, 1.0) + rng.exponential(0.3), to
     return out
 
@@ -345,11 +345,11 @@ TRUNKS: Mapping[str, Callable[[np.random.Generator, Array], tuple[Array, Array]]
 }
 HANDS = {"hand at rest": resting, "hand slides": sliding, "to the chest": touching}
 OUT, BACK = 25.0, 35.0  # s between which the hand is out of reach
-FAR = 0.45  # m further than its reach would have led it
+FAR = 0.45  # m by which it is further away than its reach
 
 
 def moving(name: str, rng: np.random.Generator, seconds: float = 60.0) -> Motion:
-    """A movement of TRUNKS: STILL at first, but for breath."""
+    """A movement of TRUNKS; for the first STILL seconds the hand rests and the trunk breathes."""
     t = np.arange(0.0, seconds, 1 / FINE)
     place, angles = TRUNKS[name](rng, t)
     R_b = UPRIGHT * Rotation.from_euler("XYZ", angles)
@@ -360,7 +360,7 @@ def moving(name: str, rng: np.random.Generator, seconds: float = 60.0) -> Motion
     )
     hand = hand + carried
     if name == "10 s out of reach":
-        share = jerk_least((t - OUT + 1.0) / 1.0) - jerk_least((t - BACK) / 1.0)
+        share = minimum_jerk((t - OUT + 1.0) / 1.0) - minimum_jerk((t - BACK) / 1.0)
         hand = hand + FAR * share[:, None] * np.array([0.3, 0.9, 0.1])
     R_t = PALM_DOWN * Rotation.from_euler("XYZ", turned)
     return Motion(t, (place, hand), (R_b, R_t))
