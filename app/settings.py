@@ -32,7 +32,7 @@ class Settings:
     allowed_ports: tuple[str, ...] = ()
     # shell patterns of outlets (lsl, osc://HOST:PORT) that a session may send to
     allowed_outlets: tuple[str, ...] = ()
-    # addresses of reverse proxies whose X-Forwarded-For and X-Forwarded-Proto are believed
+    # addresses of reverse proxies whose X-Forwarded-For and X-Forwarded-Proto are trusted
     proxies: tuple[str, ...] = ()
     metrics: tuple[str, int] | None = None  # where figures for a monitoring system are served
     sign_on: SignOn | None = None  # an organisation's login

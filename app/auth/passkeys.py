@@ -1,6 +1,6 @@
 """Passkeys (Web Authentication Level 2): what a browser is asked, and whether its answer is right.
 
-A passkey belongs to the name under which the server is opened; an IP address is none (localhost is).
+A passkey belongs to the name under which the server is opened; an IP address is no such name (localhost is one).
 """
 
 import base64

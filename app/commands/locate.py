@@ -2,7 +2,7 @@
 docs/magnet-array.md."""
 
 import argparse
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -115,12 +115,62 @@ def run(arguments: argparse.Namespace) -> int:
     )
     statistics = bench_readings.compute_statistics(readings.t, readings.mag, limit)
     mag = np.where((statistics.is_saturated | statistics.is_stuck)[..., None], np.nan, readings.mag)
-    q_bl, error, gains, messages = (
-        array.q_bl,
-        0.0,
-        np.ones(len(array.names)),
-        bench_readings.describe_statistics(array.names, statistics),
+    corrected = _correct_readings(arguments, array, mag)
+    assumed = corrected.error if not arguments.turned and array.calibration_sd is None else 0.0
+    error = max(corrected.error, 1e-8)
+    size_sd = (
+        MOMENT if array.earth is not None and arguments.turned else float(np.hypot(MOMENT, GAIN))
     )
+    gradient_sd = field_gradient_test.gradient_sd_of(array.gradient)
+    search = Search(
+        readings.t,
+        corrected.mag,
+        magnet_setup.make_constellation(array.places, corrected.q_bl),
+        float(np.hypot(np.median(statistics.noise * corrected.gains), error)),
+        array.place_sd,
+        gradient_sd,
+    )
+    result = locate_recording(search, array.moment, size_sd, error)
+    localisation = _add_gain_uncertainty(result.localisation, size_sd)
+    moment_doubts = describe_moment(result.search, array.moment, localisation)
+    if moment_doubts:  # what agrees with a wrong moment does so by chance
+        localisation = replace(localisation, is_located=np.zeros_like(localisation.is_located))
+    _save_table(readings.t, localisation, arguments.out)
+    for sentence in [
+        *bench_readings.describe_statistics(array.names, statistics),
+        *corrected.messages,
+        *describe_rate(readings),
+        *describe_offsets(result, array.names),
+        *describe_gradient(result, gradient_sd),
+        *describe_systematic_errors(result),
+        *describe_implausible(array, corrected.mag, localisation),
+        *moment_doubts,
+    ]:
+        say(f"warning: {sentence}")
+    for sentence in [
+        *describe_result(readings, result, localisation, assumed),
+        *describe_few(result, localisation, array.moment, size_sd),
+    ]:
+        say(sentence)
+    return 0
+
+
+@dataclass(frozen=True)
+class _Corrected:
+    """Readings after the calibration and the subtraction of the ambient field."""
+
+    mag: Array  # (n, magnetometers, 3) T
+    q_bl: Array | None  # (magnetometers, 4) magnetometer axes to array axes
+    error: float  # T an axis, of the calibration
+    gains: Array  # (magnetometers,)
+    messages: list[str]
+
+
+def _correct_readings(
+    arguments: argparse.Namespace, array: ArrayDescription, mag: Array
+) -> _Corrected:
+    """Calibrate readings (n, magnetometers, 3) T by the turned recording, and take off the ambient field of the empty one, where they are given."""
+    q_bl, gains = array.q_bl, np.ones(len(array.names))
     if arguments.turned:
         calibration = bench_readings.calibrate_by_rotation(
             _load_readings(arguments.turned, array).mag, array.names, array.earth
@@ -133,10 +183,10 @@ def run(arguments: argparse.Namespace) -> int:
             calibration.gains,
         )
         q_bl = q_bl if array.q_bl is None else quat.multiply(array.q_bl[0], q_bl)
-        messages += describe_calibration(array, calibration)
+        messages = describe_calibration(array, calibration)
     else:
         error = UNCALIBRATED if array.calibration_sd is None else array.calibration_sd
-        messages += (
+        messages = (
             []
             if array.calibration_sd is not None or arguments.without
             else [describe_uncalibrated(error)]
@@ -152,30 +202,14 @@ def run(arguments: argparse.Namespace) -> int:
             else array.calibration_sd
         )
         mag = mag - ambient.ambient_deviation
-    assumed = error if not arguments.turned and array.calibration_sd is None else 0.0
-    error = max(error, 1e-8)
-    messages += describe_rate(readings)
-    size_sd = (
-        MOMENT if array.earth is not None and arguments.turned else float(np.hypot(MOMENT, GAIN))
-    )
-    noise = float(np.hypot(np.median(statistics.noise * gains), error))
-    gradient_sd = field_gradient_test.gradient_sd_of(array.gradient)
-    search = Search(
-        readings.t,
-        mag,
-        magnet_setup.make_constellation(array.places, q_bl),
-        noise,
-        array.place_sd,
-        gradient_sd,
-    )
-    result = locate_recording(search, array.moment, size_sd, error)
-    localisation = _add_gain_uncertainty(result.localisation, size_sd)
-    moment_doubts = describe_moment(result.search, array.moment, localisation)
-    if moment_doubts:  # what agrees with a wrong moment does so by chance
-        localisation = replace(localisation, is_located=np.zeros_like(localisation.is_located))
+    return _Corrected(mag, q_bl, error, gains, messages)
+
+
+def _save_table(t: Array, localisation: Localisation, path: Path) -> None:
+    """Write the columns of COLUMNS, one row a reading."""
     table = np.column_stack(
         [
-            readings.t,
+            t,
             localisation.place,
             localisation.place_sd,
             localisation.moment,
@@ -185,22 +219,7 @@ def run(arguments: argparse.Namespace) -> int:
             localisation.is_located,
         ]
     )
-    save_file(("\t".join(COLUMNS) + "\n").encode() + bytes(NumberTable((table,))), arguments.out)
-    for sentence in [
-        *messages,
-        *describe_offsets(result, array.names),
-        *describe_gradient(result, gradient_sd),
-        *describe_systematic_errors(result),
-        *describe_implausible(array, mag, localisation),
-        *moment_doubts,
-    ]:
-        say(f"warning: {sentence}")
-    for sentence in [
-        *describe_result(readings, result, localisation, assumed),
-        *describe_few(result, localisation, array.moment, size_sd),
-    ]:
-        say(sentence)
-    return 0
+    save_file(("\t".join(COLUMNS) + "\n").encode() + bytes(NumberTable((table,))), path)
 
 
 def _load_readings(path: Path, array: ArrayDescription) -> BenchReadings:

@@ -254,22 +254,7 @@ def check(m: HandMeasures) -> None:
 def measures_from(table: Mapping[str, Any]) -> HandMeasures:
     """Read the contract's `HandGeometry` object: named measures, and functional lengths by segment
     name."""
-    known = {
-        "hand_length",
-        "hand_breadth",
-        "palm_length",
-        "finger_length",
-        "tip_tissue",
-        "joint_positions",
-        "measured",
-    }
-    unknown = set(table) - known - set(SEGMENTS)
-    if unknown:
-        raise InputError(
-            "hand.geometry_unknown_entries",
-            names=str(sorted(unknown)),
-            known=str(sorted(known)),
-        )
+    _require_known(table)
     try:
         scalars = {
             name: float(table[name])
@@ -296,14 +281,7 @@ def measures_from(table: Mapping[str, Any]) -> HandMeasures:
         )
     except (TypeError, ValueError) as problem:
         raise InputError("hand.geometry_unreadable", problem=str(problem)) from None
-    for name, values in by_finger.items():
-        if set(values) - set(FINGERS):
-            raise InputError(
-                "hand.geometry_unknown_fingers",
-                name=name,
-                fingers=str(sorted(set(values) - set(FINGERS))),
-                known=", ".join(FINGERS),
-            )
+    _require_fingers(by_finger)
     measures = HandMeasures(
         **scalars,
         finger_length=by_finger["finger_length"],
@@ -314,6 +292,38 @@ def measures_from(table: Mapping[str, Any]) -> HandMeasures:
     )
     check(measures)
     return measures
+
+
+def _require_known(table: Mapping[str, Any]) -> None:
+    """InputError where an entry is neither a measure nor a segment."""
+    known = {
+        "hand_length",
+        "hand_breadth",
+        "palm_length",
+        "finger_length",
+        "tip_tissue",
+        "joint_positions",
+        "measured",
+    }
+    unknown = set(table) - known - set(SEGMENTS)
+    if unknown:
+        raise InputError(
+            "hand.geometry_unknown_entries",
+            names=str(sorted(unknown)),
+            known=str(sorted(known)),
+        )
+
+
+def _require_fingers(by_finger: Mapping[str, Mapping[str, float]]) -> None:
+    """InputError where a measure by finger names something else."""
+    for name, values in by_finger.items():
+        if set(values) - set(FINGERS):
+            raise InputError(
+                "hand.geometry_unknown_fingers",
+                name=name,
+                fingers=str(sorted(set(values) - set(FINGERS))),
+                known=", ".join(FINGERS),
+            )
 
 
 def table_of(geometry: HandGeometry) -> dict[str, Any]:

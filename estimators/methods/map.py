@@ -301,10 +301,11 @@ def _together(
 
 
 def _soft_tissue_scales(params: Params, alone: Sequence[Finger]) -> tuple[float, float, float]:
-    """How far skin turns and slides the fingers' sensors, and how far from proportion, shares of
-    what was believed: what was found and what it may be off by, squared and added, is the variance
-    that makes the found most likely (the M step of Dempster, Laird & Rubin 1977); where movement
-    tells nothing it stays 1."""
+    """Scales of the priors on turn, slide and non-linearity of the skin under the fingers' sensors.
+
+    The mean of squared estimate and posterior variance is the most likely prior variance (the M step
+    of Dempster, Laird & Rubin 1977); where the movement gives no information the scale stays 1.
+    """
     turns, slides, laws = [], [], []
     for found in (finger.solution for finger in alone if finger.name in CHAINS):
         c, variance = parameter_columns(found.problem.chain), np.diag(found.factor.covariance)

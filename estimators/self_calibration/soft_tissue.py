@@ -1,8 +1,8 @@
-"""Skin that turns and slides a sensor on its segment as far as joints are bent, and what the sensor then sees of its segment.
+"""Soft-tissue artefact: skin that turns and slides a sensor on its segment with the flexion of joints, and the segment in the frame of that sensor.
 
-In      how far joints are bent; by how much skin turns and slides the sensor with each of them
+In      flexion of joints; turn and slide of the sensor with each of them
 Out     Skin, by sample; places and directions of the segment as the sensor sees them, and their derivatives
-Source  ours: skin follows the bending in proportion, and its square as a law says; no angle is taken for small. A sensor that turned by c and slid by s sees a place r at exp(-c) (r - s)
+Source  ours: turn and slide are proportional to the flexion, with a quadratic term (`law`); angles need not be small. To a sensor that turned by c and slid by s a place r is at exp(-c) (r - s)
 """
 
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ def displace_sensor(bent: Array, turn: Array, slide: Array) -> SensorDisplacemen
 
 
 def place_in_sensor(skin: SensorDisplacement, place: Array) -> Array:
-    """Where the sensor sees a place (3,) of its segment, (..., 3) m."""
+    """A place (3,) m of the segment in the frame of the displaced sensor, (..., 3) m."""
     return np.asarray(np.einsum("...ij,...j->...i", skin.back, place - skin.slide))
 
 

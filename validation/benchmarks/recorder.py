@@ -40,7 +40,7 @@ def measure() -> list[Metric]:
         recording = native.load(file)
         samples = sum(len(b.t) * len(b.stream.sensors) for b in recording.samples.values())
         # the streams' counters count what the glove dropped, too, but for what nothing came after:
-        # that is told in frames, of a sample and more
+        # that is reported in frames, of a sample and more
         lost = max(sum(recording.losses.values()), overruns)
         size = file.stat().st_size
     return [

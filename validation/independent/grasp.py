@@ -1,6 +1,6 @@
 """What the fingers hold, by a simulator that shares nothing with the program: masses, springs and dampers drawn, sensors as they come and calibrated, faults.
 
-Every trial goes the way of somebody's own recording: its files are written, on request its sensors calibrated by `calibrate-force`, and `assess` tells the figures.
+Every trial goes the way of somebody's own recording: its files are written, on request its sensors calibrated by `calibrate-force`, and `assess` gives the figures.
 """
 
 import json
@@ -101,7 +101,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class ReportedFigure:
-    """A figure beside the truth; NaN where it was not told."""
+    """A figure beside the truth; NaN where it was not given."""
 
     value: float
     sd: float
@@ -131,7 +131,7 @@ def trials(wanted: Wanted) -> Sequence[Trial]:
 
 
 def measure(trial: Trial) -> Mapping[str, ReportedFigure]:
-    """What `assess` tells of one recording, by the figure's name."""
+    """Figures of one recording by `assess`, by name."""
     with TemporaryDirectory() as folder:
         true = made(trial, Path(folder))
         _run("assess", f"{folder}/recording", "--method", "m2", "--out", f"{folder}/told")
@@ -150,7 +150,7 @@ def measure(trial: Trial) -> Mapping[str, ReportedFigure]:
 
 
 def made(trial: Trial, folder: Path) -> dict[str, float]:
-    """Write the trial's recording, and what its bench told of its sensors, into a folder; the truth by the figure's name."""
+    """Write the trial's recording and the bench table of its sensors into a folder; returns the truth by the figure's name."""
     condition = TASKS[trial.task][trial.condition]
     of_object, of_hand, of_tape, of_sensors, of_bench, of_readings = np.random.default_rng(
         [trial.seed, len(trial.task)]
@@ -247,7 +247,7 @@ def _table(
 def _figures(
     each: Sequence[ReportedFigure], columns: Sequence[str], relative: bool
 ) -> dict[str, Spread]:
-    """By column; no errors where nothing is told."""
+    """Statistics by column; no errors where no figure was given."""
     figures = {
         columns[0]: share([one.has_reason for one in each]),
         columns[1]: share([one.known for one in each]),

@@ -1,6 +1,6 @@
 """A magnet before boards of magnetometers, by a simulator that shares nothing with the program: chips as they are made, faults, and fields that are not as assumed.
 
-Every trial goes the way of somebody's own recording: tables are written, and `handscope locate` tells places.
+Every trial goes the way of somebody's own recording: tables are written, and `handscope locate` estimates positions.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -188,7 +188,7 @@ def trials(wanted: Wanted) -> Sequence[Trial]:
 
 
 def measure(trial: Trial) -> LocatedReadings:
-    """What `locate` tells of one recording."""
+    """Positions of one recording by `locate`."""
     with TemporaryDirectory() as folder:
         scene = made(trial, Path(folder))
         words = [

@@ -77,7 +77,7 @@ class Found:
     refused: str  # in words; empty where something was found
     error: Mapping[str, float]  # RMS, SI
     squared: Mapping[str, float]  # mean of the squares of errors in their standard deviations
-    percent: float  # largest error of a length, %; 0 where none was told
+    percent: float  # largest error of a length, %; 0 where none was estimated
     worst: float  # the same in standard deviations
     seconds: float  # of the processor
 

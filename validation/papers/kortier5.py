@@ -31,7 +31,7 @@ FRONT = np.array([0.0, 0.0, 0.25])
 MAGNETOMETERS = {"four": 4, "one": 1}
 MOVEMENTS = {"hand": "moving hand", "trunk": "moving trunk", "both": "both moving"}
 FIGURES = {"position": "mm", "relative": "deg", "trunk": "deg"}
-START = np.radians(10.0)  # how well somebody knows how the hand is turned at the start
+START = np.radians(10.0)  # error of the hand's orientation at the start
 WHAT = ("place", "relative orientation", "orientation of the trunk")
 # s, when the hand is led out of reach, and s until it is back after that
 AWAY, RAMP = (20.0, 30.0), 0.5

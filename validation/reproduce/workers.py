@@ -13,7 +13,7 @@ from handscope.validation.reproduce import reproduction
 def measured(
     name: str, trials: Sequence[Any], jobs: int, hear: Callable[[float], None]
 ) -> list[tuple[Any, Any]]:
-    """Every trial of a reproduction with what it gave, in their order; `hear` is told the share done."""
+    """Every trial of a reproduction with its result, in their order; `hear` is called with the share done."""
     found: list[Any] = [None] * len(trials)
     done = _here(name, trials) if jobs == 1 or len(trials) == 1 else _spread(name, trials, jobs)
     for count, (k, value) in enumerate(done, 1):

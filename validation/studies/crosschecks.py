@@ -121,7 +121,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Result:
-    """Codes that were told of the intact recording; for each fault and size whether it was found, and what it costs in clean errors (NaN: not known)."""
+    """Codes of the findings in the intact recording; for each fault and size whether it was found, and what it costs in clean errors (NaN: not known)."""
 
     clean: tuple[str, ...]
     found: Mapping[tuple[str, float], tuple[bool, float]]
@@ -163,7 +163,7 @@ def delayed(
 
 
 def slipped(sensor: str, turn: Array, start: float) -> Callable[[Block], Block]:
-    """A sensor turned by `turn` (3,) rad in its own frame at `start` s, which no gyroscope sees."""
+    """A sensor turned by `turn` (3,) rad in its own frame at `start` s, which no gyroscope measures."""
     R = quat.matrix(quat.exp(turn))
 
     def change(block: Block) -> Block:

@@ -66,7 +66,7 @@ def measure(cell: Cell) -> Mapping[str, float]:
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Cell, Mapping[str, float]]]) -> Finding:
-    """A table a method, of worlds that the model claims to cover and of others; what lies outside is told."""
+    """A table a method, of worlds that the model claims to cover and of others; what lies outside is named."""
     cells = list(dict.fromkeys((c.name, c.covered) for c, _ in results))
     tables, remarks = [], []
     for method, claimed in product(JUDGED_METHODS, (True, False)):

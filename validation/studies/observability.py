@@ -183,7 +183,7 @@ def make_motion(rng: np.random.Generator, movement: Movement, sideways: bool) ->
 def _estimates_and_errors(
     found: Solution, made: Simulated, true: HandGeometry
 ) -> Iterator[tuple[str, float, float]]:
-    """What of GOOD, its standard deviation and its error, in its unit; a quantity that is told several times comes as often."""
+    """Name in GOOD, standard deviation and error in its unit; a quantity that is estimated several times comes as often."""
     lengths = segments.of_solution(found, made.hand, made.mounting)
     for s in SEGMENTS[1:3]:
         yield (

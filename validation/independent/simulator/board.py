@@ -41,7 +41,7 @@ class Chips:
     hard: float = 20e-6  # T of the board's iron
     soft: float = 0.03
     gain: float = 0.0  # share by which gains changed since the board was turned
-    misplaced: float = 0.0  # m by which each chip sits elsewhere than told
+    misplaced: float = 0.0  # m by which each chip sits elsewhere than declared
     noise: float = 0.2e-6  # T
     turned: bool = True  # by quarters, anyhow
     misaligned: float = 0.0  # rad about each axis by which each chip is soldered so

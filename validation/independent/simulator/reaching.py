@@ -44,7 +44,7 @@ STEP_GYR, STEP_ACC = np.radians(2000.0) / 2**15, 8 * G / 2**15
 NOISE_MAG, STEP_MAG, LIMIT_MAG = 0.35e-6, 0.0146e-6, 400e-6  # T
 # T, 1, rad of a magnetometer on the plate, of the first against the inertial sensor
 HARD, SOFT, TURNED, BESIDE = 30e-6, 0.04, np.radians(1.0), np.radians(0.2)
-# m, rad, share: how well somebody tells places, the moment's direction and its size
+# m, rad, share: errors of the declared places, of the moment's direction and of its size
 RULER, ANGLE, GRADE = 0.001, np.radians(1.0), 0.01
 LOOPS = np.polynomial.legendre.leggauss(4)
 
