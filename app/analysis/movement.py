@@ -88,7 +88,7 @@ class Movement:
             for k, axis in enumerate("xyz")
             if np.isfinite(moved.tips[:, f]).any()
         }
-        return _indexed(moved, columns)
+        return _time_indexed_frame(moved, columns)
 
     def to_pandas(self) -> Any:
         """Everything in one table.
@@ -108,10 +108,10 @@ def _angle_table(moved: Trajectory, values: Array, scale: float) -> Any:
         for a in joint.dofs
         if np.isfinite(moved.angles[:, j, a]).any()
     }
-    return _indexed(moved, columns)
+    return _time_indexed_frame(moved, columns)
 
 
-def _indexed(moved: Trajectory, columns: dict[str, Array]) -> Any:
+def _time_indexed_frame(moved: Trajectory, columns: dict[str, Array]) -> Any:
     return frames.frame({"time": moved.t, **columns}).set_index("time")
 
 

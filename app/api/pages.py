@@ -83,7 +83,7 @@ class Files(StaticFiles):
 
 def text_answer(text: bytes, suffix: str, request: Headers) -> Response:
     """A text that holds nothing of a patient, packed where the browser can unpack it; nothing where its copy is the newest."""
-    packed, tag = _packed(text)
+    packed, tag = _compress(text)
     headers = {"ETag": tag, "Cache-Control": ASK, "Vary": "Accept-Encoding"}
     if tag in request.get("if-none-match", ""):
         return NotModifiedResponse(Headers(headers))
@@ -99,7 +99,7 @@ def _text_of(path: Path, changed: int) -> bytes:
 
 
 @lru_cache(maxsize=512)
-def _packed(text: bytes) -> tuple[bytes, str]:
+def _compress(text: bytes) -> tuple[bytes, str]:
     """The text packed, and its tag."""
     return gzip.compress(text, 9, mtime=0), f'"{hashlib.sha256(text).hexdigest()[:32]}"'
 

@@ -32,7 +32,7 @@ class Choice(Incoming):
 def list_candidates(db: Db, result_id: int) -> list[dict[str, Any]]:
     """Sessions of the patient that the result can be compared with, in order of time."""
     result = results.require_done(results.get(db, result_id))
-    return [_compared(c) for c in references.candidates(db, result)]
+    return [_comparison_row(c) for c in references.candidates(db, result)]
 
 
 @router.post("/{result_id}/references", status_code=201, dependencies=[requires_role(CLINICIAN)])
@@ -50,8 +50,8 @@ def references_payload(db: Session, result: Result, stored: References) -> dict[
         "made": stored.made,
         "author": stored.author,
         "affected": stored.affected,
-        "before": _compared(stored.before) if stored.before else None,
-        "other": _compared(stored.other) if stored.other else None,
+        "before": _comparison_row(stored.before) if stored.before else None,
+        "other": _comparison_row(stored.other) if stored.other else None,
         "edition": stored.reference_values["version"],
         "versions": [
             {"number": v.number, "made": v.made, "author": v.author}
@@ -60,7 +60,7 @@ def references_payload(db: Session, result: Result, stored: References) -> dict[
     }
 
 
-def _compared(c: Compared) -> dict[str, Any]:
+def _comparison_row(c: Compared) -> dict[str, Any]:
     return {
         "result": c.result,
         "session": c.session,

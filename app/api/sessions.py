@@ -247,7 +247,7 @@ def new_result(db: Db, parts: PartsDep, session_id: int, new: NewResult) -> dict
 @router.post("/recordings/{recording_id}/corrections", status_code=201)
 def correct(db: Db, parts: PartsDep, recording_id: int, new: NewCorrection) -> dict[str, Any]:
     """Take a trial or a stretch of it out of the figures, or move its ends; what was computed is computed anew without it, and kept."""
-    file = _closed(db, recording_id)
+    file = _require_closed(db, recording_id)
     before = results.current(file)
     made = corrections.add(db, file, new.event, new.kind, new.reason, new.onset, new.end)
     return {"correction": correction_row(made), "results": recomputed(db, parts, file, before)}
@@ -267,7 +267,7 @@ def undo_correction(db: Db, parts: PartsDep, correction_id: int) -> dict[str, An
 )
 def download_recording(db: Db, parts: PartsDep, recording_id: int) -> Response:
     """The recording file, byte for byte."""
-    file = _closed(db, recording_id)
+    file = _require_closed(db, recording_id)
     path = stored_files.fetch_local(parts.store, file.file, file.sha256)
     name = f"session-{file.session_id}-recording{path.suffix}"
     if not is_sealed(path):
@@ -373,7 +373,7 @@ def _elsewhere(db: Db, parts: Parts, session: PatientSession) -> dict[str, Any] 
     )
 
 
-def _closed(db: Db, recording_id: int) -> RecordingFile:
+def _require_closed(db: Db, recording_id: int) -> RecordingFile:
     file = db.get(RecordingFile, recording_id)
     if file is None or file.sha256 is None:
         raise InputError("api.no_closed_recording", number=recording_id)
@@ -384,7 +384,7 @@ def recomputed(
     db: Db, parts: Parts, file: RecordingFile, before: Sequence[Result]
 ) -> list[dict[str, int]]:
     """For each earlier result the one that replaces it."""
-    pairs = [(old, _wanted(db, parts, file, old.method, old.parameters)) for old in before]
+    pairs = [(old, _find_or_compute(db, parts, file, old.method, old.parameters)) for old in before]
     return [{"before": old.id, "now": result.id} for old, result in pairs]
 
 
@@ -398,10 +398,10 @@ def _queue(
     if method not in ALL_METHODS:
         raise InputError("analysis.unknown_method", name=method, methods=", ".join(ALL_METHODS))
     changed = changed_options(with_options(ALL_METHODS[method].Params, options))
-    return _wanted(db, parts, closed[-1], method, changed)
+    return _find_or_compute(db, parts, closed[-1], method, changed)
 
 
-def _wanted(
+def _find_or_compute(
     db: Db, parts: Parts, file: RecordingFile, method: str, parameters: Mapping[str, Any]
 ) -> Result:
     """The result, computed here where it is not there yet; what another server has queued, that one computes."""

@@ -61,10 +61,10 @@ class Answer:
 def authorization_address(agreed: SignOn, word: str, back: str) -> str:
     """Address of the provider's login; the browser returns to `back`."""
     address, _ = _session(agreed, back).create_authorization_url(
-        _required(_provider(agreed), "authorization_endpoint"),
-        state=_derived(word, "state"),
-        code_verifier=_derived(word, "verifier"),
-        nonce=_derived(word, "nonce"),
+        _require_entry(_provider(agreed), "authorization_endpoint"),
+        state=_derive_key(word, "state"),
+        code_verifier=_derive_key(word, "verifier"),
+        nonce=_derive_key(word, "nonce"),
     )
     return str(address)
 
@@ -79,7 +79,9 @@ def logout_address(agreed: SignOn, back: str) -> str | None:
 
 def verify_identity(agreed: SignOn, word: str, back: str, answer: Answer) -> Mapping[str, Any]:
     """Verified claims of the account that logged in; SignOnError where they do not verify."""
-    if not word or not hmac.compare_digest(answer.state.encode(), _derived(word, "state").encode()):
+    if not word or not hmac.compare_digest(
+        answer.state.encode(), _derive_key(word, "state").encode()
+    ):
         raise SignOnError("late", "it was begun in another browser or too long ago")
     if answer.issuer and answer.issuer != agreed.issuer:
         raise SignOnError(
@@ -92,8 +94,8 @@ def verify_identity(agreed: SignOn, word: str, back: str, answer: Answer) -> Map
     claims = _claims(
         agreed,
         str(token.get("id_token")),
-        _derived(word, "nonce"),
-        _get(_required(provider, "jwks_uri")),
+        _derive_key(word, "nonce"),
+        _get(_require_entry(provider, "jwks_uri")),
     )
     return _with_information(agreed, provider, token, claims)
 
@@ -144,10 +146,14 @@ def _token(
         if agreed.secret
         else None
     )
-    place = _required(provider, "token_endpoint")
+    place = _require_entry(provider, "token_endpoint")
     try:
         token = _session(agreed, back).fetch_token(
-            place, code=code, code_verifier=_derived(word, "verifier"), auth=proof, timeout=PATIENCE
+            place,
+            code=code,
+            code_verifier=_derive_key(word, "verifier"),
+            auth=proof,
+            timeout=PATIENCE,
         )
     except AuthlibBaseError as problem:
         raise SignOnError("refused", f"{place} says {problem}") from problem
@@ -228,7 +234,7 @@ def _provider(agreed: SignOn) -> Mapping[str, Any]:
     return configuration
 
 
-def _required(provider: Mapping[str, Any], what: str) -> str:
+def _require_entry(provider: Mapping[str, Any], what: str) -> str:
     if not provider.get(what):
         raise SignOnError("away", f"the provider tells no {what}")
     return str(provider[what])
@@ -250,5 +256,5 @@ def _get(address: str, headers: Mapping[str, str] | None = None) -> Mapping[str,
     return value
 
 
-def _derived(word: str, what: str) -> str:
+def _derive_key(word: str, what: str) -> str:
     return hmac.new(word.encode(), what.encode(), hashlib.sha256).hexdigest()

@@ -64,9 +64,9 @@ def ask_to_register(
         rp_name=ISSUER,
         user_name=account.name,
         user_id=f"handscope-{account.id}".encode(),
-        exclude_credentials=_described(webauthn, present),
+        exclude_credentials=_descriptors(webauthn, present),
     )
-    return _asked(webauthn, options, connection, host)
+    return _to_asked(webauthn, options, connection, host)
 
 
 def ask_to_prove(connection: HTTPConnection, present: Sequence[SecondFactor]) -> Asked:
@@ -74,9 +74,9 @@ def ask_to_prove(connection: HTTPConnection, present: Sequence[SecondFactor]) ->
     webauthn = _library()
     host = host_of(connection)
     options = webauthn.generate_authentication_options(
-        rp_id=host, allow_credentials=_described(webauthn, present)
+        rp_id=host, allow_credentials=_descriptors(webauthn, present)
     )
-    return _asked(webauthn, options, connection, host)
+    return _to_asked(webauthn, options, connection, host)
 
 
 def verify_registration(asked: Asked, answer: dict[str, Any]) -> Registered:
@@ -119,13 +119,13 @@ def verify(asked: Asked, answer: dict[str, Any], present: Sequence[SecondFactor]
     return factor
 
 
-def _asked(webauthn: Any, options: Any, connection: HTTPConnection, host: str) -> Asked:
+def _to_asked(webauthn: Any, options: Any, connection: HTTPConnection, host: str) -> Asked:
     scheme = "https" if connection.scope["scheme"] in ("https", "wss") else "http"
     origin = f"{scheme}://{connection.headers['host']}"
     return Asked(json.loads(webauthn.options_to_json(options)), options.challenge, host, origin)
 
 
-def _described(webauthn: Any, present: Sequence[SecondFactor]) -> list[Any]:
+def _descriptors(webauthn: Any, present: Sequence[SecondFactor]) -> list[Any]:
     from webauthn.helpers.structs import PublicKeyCredentialDescriptor
 
     read = webauthn.helpers.base64url_to_bytes

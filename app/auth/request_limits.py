@@ -70,13 +70,13 @@ class RequestLimits:
             await _refuse(429, TOO_MANY, scope, receive, send)
             return
         limit = self._limit(scope)
-        if _announced(scope) > limit:
+        if _declared_length(scope) > limit:
             await _refuse(413, _words(limit), scope, receive, send)
             return
         with _Counted(self._open, address) as counted:
             if not _has_body(scope):
                 counted.begin()
-            await self._app(scope, _bounded(receive, limit, counted.begin), send)
+            await self._app(scope, _limit_body(receive, limit, counted.begin), send)
 
     def _limit(self, scope: Scope) -> int:
         if LANDMARK_UPLOADS.fullmatch(scope["path"]):
@@ -114,10 +114,10 @@ class _Counted:
 
 def _has_body(scope: Scope) -> bool:
     names = {name for name, _ in scope["headers"]}
-    return _announced(scope) > 0 or b"transfer-encoding" in names
+    return _declared_length(scope) > 0 or b"transfer-encoding" in names
 
 
-def _announced(scope: Scope) -> int:
+def _declared_length(scope: Scope) -> int:
     """The body's length as its header says; 0 where it does not."""
     word = dict(scope["headers"]).get(b"content-length", b"0")
     return int(word) if word.isdigit() else 0
@@ -127,7 +127,7 @@ def _words(limit: int) -> str:
     return phrase("gate.request_too_large", limit=limit / 2**20)
 
 
-def _bounded(receive: Receive, limit: int, when_whole: Callable[[], None]) -> Receive:
+def _limit_body(receive: Receive, limit: int, when_whole: Callable[[], None]) -> Receive:
     """The body as it comes; HTTPException where it grows beyond the limit or comes too slowly."""
     total, complete, began = 0, False, time.monotonic()
 

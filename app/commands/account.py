@@ -99,7 +99,7 @@ def _change(db: Session, arguments: argparse.Namespace) -> None:
     else:
         if account.name == LOCAL or account.subject is not None:
             raise InputError("command.account_without_password", name=account.name)
-        accounts.set_password(db, account, _asked())
+        accounts.set_password(db, account, _ask_password())
         logins.end_all(db, account)
 
 
@@ -118,7 +118,7 @@ def _say_code(db: Session, arguments: argparse.Namespace) -> None:
     say(f"{base}/login?token={logins.new_token(arguments.data, account.name)}")
 
 
-def _asked() -> str:
+def _ask_password() -> str:
     if not sys.stdin.isatty():
         return sys.stdin.readline().rstrip("\n")
     password = getpass.getpass("New password: ")

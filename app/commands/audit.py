@@ -32,7 +32,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--against",
         action="append",
         default=[],
-        type=_noted,
+        type=_parse_noted,
         metavar="NUMBER:HASH",
         help="a last line that was noted before, elsewhere",
     )
@@ -164,7 +164,7 @@ def _line_words(line: AuditLine) -> str:
     return f"{line.id:6} {line.at:%Y-%m-%d %H:%M:%S} {line.who or '-':16} {line.address or '-':15} {about}{whose}{more}"
 
 
-def _noted(word: str) -> tuple[int, str]:
+def _parse_noted(word: str) -> tuple[int, str]:
     number, _, total = word.partition(":")
     if not number.isdecimal() or len(total) != len(audit.NOTHING):
         raise argparse.ArgumentTypeError(f"{word!r} is not of the form NUMBER:HASH")

@@ -144,13 +144,13 @@ def _with_unit(value: float, axis: str) -> str:
 def _accuracy(table: LoadTable, s: Solved) -> dict[str, Any]:
     """Standard deviations and residuals of the calibration, for readers of the file."""
     return {
-        "matrix_sd": _rounded(s.matrix_sd),
-        "offset_sd": _rounded(s.offset_sd),
-        "left_over": _rounded(s.left),
+        "matrix_sd": _round(s.matrix_sd),
+        "offset_sd": _round(s.offset_sd),
+        "left_over": _round(s.left),
         "loads": s.used,
         "left_out_lines": [table.lines[row] for row in s.left_out],
     }
 
 
-def _rounded(values: Array) -> Any:
+def _round(values: Array) -> Any:
     return np.array([float(f"{v:.3g}") for v in values.ravel()]).reshape(values.shape).tolist()

@@ -51,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
     recording = formats_recordings.load(arguments.recording, arguments.hand, correct=False)
     params = with_options(SolveParams, parse(arguments.option))
-    solved, refused = _solved(recording, params)
+    solved, refused = _solve(recording, params)
     for problem in refused:
         say(f"warning: {problem}")
     if not solved:
@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _solved(
+def _solve(
     recording: LoadedRecording, params: SolveParams
 ) -> tuple[dict[str, SolvedCalibration], list[str]]:
     """By sensor; and why others could not be solved."""

@@ -266,7 +266,7 @@ def _require_places(arguments: argparse.Namespace) -> None:
 
 def _both(arguments: argparse.Namespace) -> tuple[ComparedMovement, ComparedMovement]:
     """Both sides, of one hand."""
-    opened = {name: _opened(getattr(arguments, name), arguments.hand) for name in ("a", "b")}
+    opened = {name: _open(getattr(arguments, name), arguments.hand) for name in ("a", "b")}
     hands = {name: None if isinstance(o, Markers) else o.hand for name, o in opened.items()}
     if hands["a"] and hands["b"] and hands["a"] != hands["b"]:
         raise InputError("command.two_hands", hands=hands["a"], hands2=hands["b"])
@@ -285,7 +285,7 @@ def _pose(events: tuple[Event, ...]) -> Event | None:
     return next((e for e in events if e.trial_type == "initial_pose"), None)
 
 
-def _opened(path: Path, hand: Hand | None) -> Opened:
+def _open(path: Path, hand: Hand | None) -> Opened:
     """What is at a path: raw inertial samples go before the kinematics beside them, unless the path names a table of these."""
     if path.suffix.lower() == c3d.SUFFIX:
         return c3d.read_markers(path)
@@ -324,7 +324,7 @@ def _load_movement(
         },
     )
     if isinstance(opened, LoadedRecording):
-        return _processed(path, opened, given)
+        return _process(path, opened, given)
     if given["method"] or given["option"] or given["calibration"]:
         raise InputError("command.not_a_raw_recording", name=path.name, name2=name)
     if isinstance(opened, Landmarks):
@@ -369,7 +369,7 @@ def _load_movement(
     )
 
 
-def _processed(path: Path, recording: LoadedRecording, given: dict[str, Any]) -> ComparedMovement:
+def _process(path: Path, recording: LoadedRecording, given: dict[str, Any]) -> ComparedMovement:
     name = given["method"] or default_for(recording.streams)
     method, params = method_of(argparse.Namespace(method=name, option=given["option"]))
     other = (

@@ -161,7 +161,7 @@ def _made(arguments: argparse.Namespace) -> Simulated:
     link, field = LINKS[arguments.link], _field(arguments.setting, *rng.spawn(1))
     forearm_rate = None if arguments.link == "wired" else FOREARM_RATE
     if arguments.task == "captured":
-        return _captured(arguments, rng, errors, field)
+        return _follow_markers(arguments, rng, errors, field)
     if arguments.task in EXPERIMENTS and arguments.task not in task_performance.TASKS:
         experiment, rate = EXPERIMENTS[arguments.task], arguments.rate
         return record_experiment(
@@ -235,7 +235,7 @@ def _functional(
     steps = functional_calibration.all_steps(
         person.true, of_motion, functional_calibration.Carelessness(pose=arguments.pose_error)
     )
-    return _performed(
+    return _perform_tasks(
         arguments,
         [pose, *steps, guided_movements.free(person.true, of_motion)],
         person,
@@ -261,12 +261,12 @@ def _held(
         ),
     )
     done = [pose, object_dynamics.TASKS[arguments.task](person.true, of_motion)]
-    return _performed(
+    return _perform_tasks(
         arguments, done, person, of_sensors, errors, field, ForceGlove(six_axes=arguments.six_axes)
     )
 
 
-def _performed(
+def _perform_tasks(
     arguments: argparse.Namespace,
     done: Sequence[Performance],
     person: Person,
@@ -293,7 +293,7 @@ def _performed(
     )
 
 
-def _captured(
+def _follow_markers(
     arguments: argparse.Namespace,
     rng: np.random.Generator,
     errors: SensorErrors,

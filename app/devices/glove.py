@@ -232,13 +232,13 @@ class Glove:
                 self.assembler.exchange(worn_on)
                 self._begin()
             with self._turn():
-                blocks = self.assembler.feed_all(chunks, self._missed)
+                blocks = self.assembler.feed_all(chunks, self._count_view_failure)
             if blocks:
                 self._on_blocks(blocks)
         except Exception as fault:
-            self._missed(fault)
+            self._count_view_failure(fault)
 
-    def _missed(self, fault: Exception) -> None:
+    def _count_view_failure(self, fault: Exception) -> None:
         """The view may fail, the recording goes on: count it, the station shows it."""
         if not self.decoding_failures:  # the first stands for all: there may be a hundred a second
             log.error(

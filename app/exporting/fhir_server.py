@@ -102,7 +102,7 @@ def _create_once(session: Any, entry: Any, url: str) -> None:
     place = f"{url.rstrip('/')}/{request['url']}"
     answer = _post(session, entry["resource"], place, {"If-None-Exist": request["ifNoneExist"]})
     if answer.status_code not in (200, 201):
-        raise _refused(answer, place)
+        raise _refusal_of(answer, place)
 
 
 def _post(session: Any, content: Any, url: str, headers: Mapping[str, str] | None = None) -> Any:
@@ -144,7 +144,7 @@ def _token_endpoint(url: str) -> str:
 def _taken(answer: Any, url: str) -> int:
     body = _body(answer)
     if answer.status_code != 200 or body.get("type") != "transaction-response":
-        raise _refused(answer, url)
+        raise _refusal_of(answer, url)
     entries = body.get("entry")
     statuses = [_status(e) for e in entries] if isinstance(entries, list) else []
     if refused := [s for s in statuses if not s.startswith("2")]:
@@ -166,7 +166,7 @@ def _body(answer: Any) -> Mapping[str, Any]:
     return body if isinstance(body, dict) else {}
 
 
-def _refused(answer: Any, url: str) -> InputError:
+def _refusal_of(answer: Any, url: str) -> InputError:
     """With the first words of its OperationOutcome."""
     issues = _body(answer).get("issue")
     first = issues[0] if isinstance(issues, list) and issues else None

@@ -146,7 +146,7 @@ class Language:
         if isinstance(text, Sentence):
             return self.several(map(self.render, text.messages))
         known = self.words.get(f"value.{text}")
-        return self._localised(text) if known is None else known
+        return self._localise(text) if known is None else known
 
     def translate_keys(self, value: Any, keys: Collection[str]) -> Any:
         """Plain data with the texts under these keys, at any depth, translated."""
@@ -165,7 +165,7 @@ class Language:
             else value
         )
 
-    def _localised(self, text: str) -> str:
+    def _localise(self, text: str) -> str:
         """Segments by their names, decimal numbers in the locale's form."""
         named = SEGMENT.sub(
             lambda found: self.segment(found[1]) if "_" in found[1] else found[1], text

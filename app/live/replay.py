@@ -70,9 +70,9 @@ class Replay:
         self._stop = threading.Event()
 
     def __enter__(self) -> "Replay":
-        self.scene.measured(_measured(self._movement))
+        self.scene.measured(_measured_fingers(self._movement))
         if self.beside:
-            self._measured_beside = _measured(self.beside.movement)
+            self._measured_beside = _measured_fingers(self.beside.movement)
             self._draw_beside(self.beside, 0)  # its first orientation faces ahead
         self._draw()
         self._thread = threading.Thread(target=self._run, name=f"replay {self.name}", daemon=True)
@@ -209,7 +209,7 @@ def _row(movement: dict[str, Array], t: float) -> int:
     return int(np.clip(np.searchsorted(movement["t"], t), 0, len(movement["t"]) - 1))
 
 
-def _measured(movement: dict[str, Array]) -> list[str]:
+def _measured_fingers(movement: dict[str, Array]) -> list[str]:
     """The fingers whose last segment has angles."""
     angles = movement["angles"]
     is_known = [bool(np.isfinite(angles[:, k]).any()) for k in range(len(JOINTS))]

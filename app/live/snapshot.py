@@ -147,7 +147,7 @@ def _glove(glove: GloveView, status: StationStatus) -> dict[str, Any]:
         "firmware": glove.identity.firmware if glove.identity else None,
         "battery": glove.status.battery_percent if glove.status else None,
         "strips": _strips(glove),
-        "expected": _expected(glove),
+        "expected": _expected_streams(glove),
         "forces": _forces(glove),
         "measured": [s for s in SEGMENTS if s in status.measured],
         "frames_lost": glove.losses.wire,
@@ -187,7 +187,7 @@ def _strips(glove: GloveView) -> list[dict[str, Any]]:
     ]
 
 
-def _expected(glove: GloveView) -> list[str]:
+def _expected_streams(glove: GloveView) -> list[str]:
     """Names of streams that the glove stated or that gave samples in this session: what is missing of them is a fault."""
     return sorted({s.name for s in glove.streams.values()} | set(glove.counts))
 

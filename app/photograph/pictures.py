@@ -84,7 +84,7 @@ def without_description(data: bytes) -> bytes:
     """The picture alone as JPEG, upright: no place, no time, no device; at most SHOWN pixels long."""
     from PIL import Image, ImageOps
 
-    with _opened(data) as picture:
+    with _open_picture(data) as picture:
         upright = ImageOps.exif_transpose(picture).convert("RGB")
     upright.thumbnail((SHOWN, SHOWN))
     plain, out = Image.frombytes("RGB", upright.size, upright.tobytes()), BytesIO()
@@ -100,7 +100,7 @@ def _scale(ruler: float | None) -> float:
 
 
 @contextmanager
-def _opened(data: bytes) -> Iterator[Any]:
+def _open_picture(data: bytes) -> Iterator[Any]:
     """The picture; what its library says of a damaged description is not needed."""
     from PIL import Image
 
@@ -116,7 +116,7 @@ def _read(data: bytes) -> tuple[Any, float | None]:
     from PIL import Image, ImageOps
 
     try:
-        with _opened(data) as picture:
+        with _open_picture(data) as picture:
             many = picture.width * picture.height
             if not LEAST_PIXELS <= many <= MOST_PIXELS:
                 raise InputError(

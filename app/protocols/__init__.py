@@ -204,7 +204,7 @@ def read(folder: Traversable | None = None) -> tuple[dict[str, Protocol], list[s
     found, faults = [], []
     for entry in (e for e in inside if e.name.endswith(".json")):
         try:
-            found.append(_loaded(entry))
+            found.append(_load_entry(entry))
         except InputError as fault:
             faults.append(str(fault))
     return {p.name: p for p in sorted(found, key=lambda p: p.order)}, faults
@@ -266,7 +266,7 @@ def _fault(file: str, text: str, sentence: str) -> InputError:
     )
 
 
-def _loaded(entry: Traversable) -> Protocol:
+def _load_entry(entry: Traversable) -> Protocol:
     try:
         text = entry.read_text("utf-8")
     except OSError as problem:

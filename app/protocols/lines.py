@@ -25,25 +25,25 @@ def line_of(text: str, sentence: str) -> int | None:
 
 def _member(text: str, at: int, name: str) -> int:
     """Where the value of a name begins, in the object that begins at `at`; ValueError where it has none."""
-    at = _blank(text, _opened(text, at, "{"))
+    at = _blank(text, _skip_opening(text, at, "{"))
     while True:
         key, at = _DECODER.raw_decode(text, at)
-        at = _blank(text, _opened(text, _blank(text, at), ":"))
+        at = _blank(text, _skip_opening(text, _blank(text, at), ":"))
         if key == name:
             return at
         _, at = _DECODER.raw_decode(text, at)
-        at = _blank(text, _opened(text, _blank(text, at), ","))
+        at = _blank(text, _skip_opening(text, _blank(text, at), ","))
 
 
 def _element(text: str, at: int, number: int) -> int:
-    at = _blank(text, _opened(text, at, "["))
+    at = _blank(text, _skip_opening(text, at, "["))
     for _ in range(number):
         _, at = _DECODER.raw_decode(text, at)
-        at = _blank(text, _opened(text, _blank(text, at), ","))
+        at = _blank(text, _skip_opening(text, _blank(text, at), ","))
     return at
 
 
-def _opened(text: str, at: int, sign: str) -> int:
+def _skip_opening(text: str, at: int, sign: str) -> int:
     if text[at] != sign:
         raise ValueError(f"no {sign} at {at}")
     return at + 1

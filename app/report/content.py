@@ -269,12 +269,12 @@ def content(  # noqa: PLR0913
         recording.hand,
         visit.date or _moment(recording.start_utc),
         software,
-        Method(method, ALL_METHODS[method].TITLE, tuple(_changed(params))),
+        Method(method, ALL_METHODS[method].TITLE, tuple(_changed_options(params))),
         _recording(recording),
         tuple(CalibrationFacts(c.description, *c.span, c.quality) for c in processed.calibrations),
         tuple(_task(r, protocols.get(r.task), processed.trajectory) for r in results),
         measured,
-        tuple(_flagged(processed.trajectory, results, measured)),
+        tuple(_flag_shares(processed.trajectory, results, measured)),
         processed.warnings,
         changes,
         course,
@@ -292,7 +292,7 @@ def _moment(start_utc: str | None) -> datetime | None:
     return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
 
 
-def _changed(params: Any) -> list[Changed]:
+def _changed_options(params: Any) -> list[Changed]:
     changed = changed_options(params)
     return [Changed(o, changed[o.name]) for o in describe(type(params)) if o.name in changed]
 
@@ -399,7 +399,7 @@ def _curves(trajectory: Trajectory, result: TaskResult) -> list[Curve]:
     return [Curve(joint, t, part.angles[::every, JOINT[joint], FLEXION]) for joint in joints]
 
 
-def _flagged(
+def _flag_shares(
     trajectory: Trajectory, results: Sequence[TaskResult], measured: Sequence[str]
 ) -> list[Flagged]:
     """Shares of flags within the tasks (the whole recording where there is none)."""

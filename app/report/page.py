@@ -339,11 +339,11 @@ def _provenance(content: Content, language: Language) -> list[list[str]]:
         [say("software"), content.software],
         [say("method"), language.labelled(method.name, language.translate(method.title))],
         [say("options"), language.several(changed) if changed else say("options.default")],
-        *_compared(content, language),
+        *_comparison_rows(content, language),
     ]
 
 
-def _compared(content: Content, language: Language) -> list[list[str]]:
+def _comparison_rows(content: Content, language: Language) -> list[list[str]]:
     """With what sessions and reference values the figures are compared, and who chose that when."""
     found, say = content.compared, language.say
     if found is None:

@@ -48,7 +48,7 @@ def json(content: Content) -> bytes:
                 "flagged": content.flagged,
                 "warnings": content.warnings,
                 "changes": content.changes,
-                "compared_with": _compared(content),
+                "compared_with": _comparison_table(content),
                 "scores": content.scores,
                 "not_done": content.not_done,
                 "left_out": content.left_out,
@@ -110,7 +110,7 @@ def _session(content: Content) -> dict[str, Any]:
     }
 
 
-def _compared(content: Content) -> dict[str, Any] | None:
+def _comparison_table(content: Content) -> dict[str, Any] | None:
     found = content.compared
     if found is None:
         return None

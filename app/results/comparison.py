@@ -139,12 +139,12 @@ def _head(compared: Compared) -> list[str]:
     lines = [
         f"A  {compared.a.name}, {compared.a.source}, {compared.a.samples} samples",
         f"B  {compared.b.name}, {compared.b.source}, {compared.b.samples} samples",
-        f"lag ({compared.how}): A's time = B's time {_signed(lag.seconds)}{at}; correlation {lag.correlation:.3f} over {lag.overlap:.1f} s",
+        f"lag ({compared.how}): A's time = B's time {_with_sign(lag.seconds)}{at}; correlation {lag.correlation:.3f} over {lag.overlap:.1f} s",
     ]
     if lag.drift:
         runs = f"{1e6 * abs(lag.drift.value):.1f} ± {1e6 * lag.drift.sd:.1f} ppm {'fast' if lag.drift.value > 0 else 'slow'}"
         end = lag.at + lag.overlap
-        later = f"corrected, at A's {end:.1f} s the lag is {_signed(lag.seconds - lag.rate * lag.overlap)}"
+        later = f"corrected, at A's {end:.1f} s the lag is {_with_sign(lag.seconds - lag.rate * lag.overlap)}"
         lines.append(
             f"clocks: B's runs {runs}; {later}"
             if lag.rate
@@ -153,7 +153,7 @@ def _head(compared: Compared) -> list[str]:
     return lines
 
 
-def _signed(seconds: float) -> str:
+def _with_sign(seconds: float) -> str:
     return f"{'-' if seconds < -5e-5 else '+'} {abs(seconds):.4f} s"
 
 

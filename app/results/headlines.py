@@ -142,12 +142,12 @@ def _tile(
         "against": against,
         "change": level_words(change, language) if change else "",
         "beyond": bool(change and change.beyond),
-        "wanted": _wanted(figure),
+        "wanted": _better_direction(figure),
         "verdict": _verdict(figure, change),
     }
 
 
-def _wanted(figure: Figure) -> Literal["more", "less", ""]:
+def _better_direction(figure: Figure) -> Literal["more", "less", ""]:
     """Whether more of it is better."""
     what = figure.what or figure.name
     return "more" if what in MORE_IS_BETTER else "less" if what in LESS_IS_BETTER else ""
@@ -155,7 +155,7 @@ def _wanted(figure: Figure) -> Literal["more", "less", ""]:
 
 def _verdict(figure: Figure, change: Change | None) -> Literal["better", "worse", ""]:
     """What a change beyond the MDC is; of one within nothing is said."""
-    wanted = _wanted(figure)
+    wanted = _better_direction(figure)
     if change is None or not change.beyond or not wanted:
         return ""
     return "better" if (change.value > 0) == (wanted == "more") else "worse"

@@ -34,12 +34,12 @@ class MovementAgreement:
 
 def find_lag(a: Movement, b: Movement, longest: float = np.inf) -> Lag:
     """The lag of at most `longest` s and the drift at which B fits A best; InputError where none convinces."""
-    return clock_drift.synchronised_clocks(*_shared(a, b), longest)
+    return clock_drift.synchronised_clocks(*_common_signals(a, b), longest)
 
 
 def given_lag(a: Movement, b: Movement, seconds: float) -> Lag:
     """A lag that is known, with how well B fits there."""
-    return synchronisation.fit_at(*_shared(a, b), seconds)
+    return synchronisation.fit_at(*_common_signals(a, b), seconds)
 
 
 def measure_agreement(a: Movement, b: Movement, lag: Lag) -> MovementAgreement:
@@ -54,7 +54,7 @@ def measure_agreement(a: Movement, b: Movement, lag: Lag) -> MovementAgreement:
     return MovementAgreement(b, pairs, stretches, tuple(found))
 
 
-def _shared(a: Movement, b: Movement) -> tuple[Signal, Signal]:
+def _common_signals(a: Movement, b: Movement) -> tuple[Signal, Signal]:
     names, on_a, on_b = comparison.shared_names(a.trajectory, b.trajectory)
     if not names:
         raise InputError("command.no_common_joint", name=a.name, name2=b.name)

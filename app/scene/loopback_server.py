@@ -83,13 +83,13 @@ def _guarded_sockets(secret: str) -> Iterator[None]:
 
 def _serve(serve: Callable[..., Any], secret: str, *args: Any, **options: Any) -> Any:
     logger = logging.getLogger("websockets.server.scene")
-    logger.addFilter(_refused)  # the same one again changes nothing
+    logger.addFilter(_log_refusal)  # the same one again changes nothing
     return serve(
         *args, **{**options, "origins": [secret], "process_request": _no_pages, "logger": logger}
     )
 
 
-def _refused(record: logging.LogRecord) -> bool:
+def _log_refusal(record: logging.LogRecord) -> bool:
     """A stranger who is turned away is no error: one line for who debugs instead of a traceback."""
     if record.msg != "opening handshake failed":
         return True

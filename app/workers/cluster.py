@@ -64,7 +64,7 @@ class ClusterWorker(Generic[C]):
 
     def do(self, work: Callable[Concatenate[C, P], T], *given: P.args, **named: P.kwargs) -> T:
         """Call `work(context, ...)` on the cluster; its value or its error, DiedError where its workers died."""
-        with self._submitted(_call, work, given, named) as (_, future):
+        with self._submit(_call, work, given, named) as (_, future):
             while not future.done():
                 self._wait()
             done: T = _result(future)
@@ -77,7 +77,7 @@ class ClusterWorker(Generic[C]):
         from distributed import Queue
 
         name = uuid.uuid4().hex
-        with self._submitted(_call_with_send, work, given, named, name) as (client, future):
+        with self._submit(_call_with_send, work, given, named, name) as (client, future):
             sent = Queue(name, client=client)
             is_done = False
             while not is_done:
@@ -94,7 +94,7 @@ class ClusterWorker(Generic[C]):
             raise DiedError(None)
 
     @contextmanager
-    def _submitted(self, call: Callable[..., Any], *request: Any) -> Iterator[tuple[Any, Any]]:
+    def _submit(self, call: Callable[..., Any], *request: Any) -> Iterator[tuple[Any, Any]]:
         """The client and the task; it is dropped with the client."""
         from distributed import Client
 

@@ -75,7 +75,7 @@ def with_sd(trajectory: Trajectory, accuracy: Accuracy) -> tuple[Trajectory, str
         widened = widen_faulty(trajectory.angles_sd, trajectory.flags)
         return replace(trajectory, angles_sd=widened), OWN
     if accuracy.poses and trajectory.angles_sd is None:
-        return _propagated(trajectory, accuracy.poses), FROM_POSE
+        return _propagate_sd(trajectory, accuracy.poses), FROM_POSE
     tilt = np.array([accuracy.tilt.get(s, 0.0) for s in SEGMENTS])
     unposed = ((trajectory.flags & Flag.UNCALIBRATED) != 0).any(axis=0)
     angles = np.array([_angle(accuracy, tilt, unposed, j) for j in JOINTS])
@@ -91,7 +91,7 @@ def with_sd(trajectory: Trajectory, accuracy: Accuracy) -> tuple[Trajectory, str
     ), accuracy.source
 
 
-def _propagated(trajectory: Trajectory, poses: Sequence[Calibration]) -> Trajectory:
+def _propagate_sd(trajectory: Trajectory, poses: Sequence[Calibration]) -> Trajectory:
     """With standard deviations propagated from each pose until the next; an angle's is at most its joint's range over sqrt(12)."""
     starts = [-np.inf, *(c.t for c in poses[1:])]
     pieces = [

@@ -186,15 +186,15 @@ def size_figures(
         "amplitude_cv": (_cv(amplitudes), _cv_sd(amplitudes), ""),
         "opening_speed_mean": (_mean(c.opening_speeds), _times(scale, _mean(c.opening_speeds)), ""),
         "closing_speed_mean": (_mean(c.closing_speeds), _times(scale, _mean(c.closing_speeds)), ""),
-        "decrement_slope": (*_scaled(_slope(params, amplitudes), scale), _few(params, c)),
+        "decrement_slope": (*_add_scale_error(_slope(params, amplitudes), scale), _few(params, c)),
         "decrement_ratio": (*_ratio(params, amplitudes), _few(params, c)),
         "half_decrement": (
-            *_scaled(_fall(params, amplitudes[:half], amplitudes[half:]), scale),
+            *_add_scale_error(_fall(params, amplitudes[:half], amplitudes[half:]), scale),
             _few(params, c),
         ),
         "first_amplitude_mean": (*_first(params, c, (_mean(first), off)), _few_first(params, c)),
         "first_decrement_slope": (
-            *_first(params, c, _scaled(_slope(params, first), scale)),
+            *_first(params, c, _add_scale_error(_slope(params, first), scale)),
             _few_first(params, c),
         ),
     }
@@ -306,7 +306,9 @@ def _few_first(params: Params, c: Cycles) -> str:
     return phrase("measure.fewer_than", count=params.first) if c.count < params.first else ""
 
 
-def _scaled(known: tuple[float, float | None], scale: float | None) -> tuple[float, float | None]:
+def _add_scale_error(
+    known: tuple[float, float | None], scale: float | None
+) -> tuple[float, float | None]:
     """With the error of the amplitudes' scale added to the standard error."""
     value, error = known
     return value, error if scale is None or error is None else float(np.hypot(error, scale * value))

@@ -118,7 +118,7 @@ def reliability(values: Array) -> Reliability:
     nothing = Interval(np.nan, np.nan, np.nan)
     if n < 2:
         sem = _sem(within, k - 1)
-        return Reliability(n, k, nothing, nothing, sem, nothing, _scaled(sem, MDC))
+        return Reliability(n, k, nothing, nothing, sem, nothing, _scale(sem, MDC))
     bms = k * ((row - grand) ** 2).sum() / (n - 1)
     jms = n * ((column - grand) ** 2).sum() / (k - 1)
     free = (n - 1) * (k - 1)
@@ -137,7 +137,7 @@ def reliability(values: Array) -> Reliability:
         _icc31(bms, ems, n, k),
         sem,
         _sem(ems, free),
-        _scaled(sem, MDC),
+        _scale(sem, MDC),
     )
 
 
@@ -152,7 +152,7 @@ def within_groups(groups: Sequence[Sequence[float]]) -> Within | None:
     n = sum(len(g) for g in repeated)
     freedom = n - len(repeated)
     sem = _sem(sum(float(((g - g.mean()) ** 2).sum()) for g in repeated) / freedom, freedom)
-    return Within(n, freedom, sem, _scaled(sem, MDC))
+    return Within(n, freedom, sem, _scale(sem, MDC))
 
 
 def _icc21(bms: float, jms: float, ems: float, n: int, k: int) -> Interval:
@@ -196,7 +196,7 @@ def _sem(variance: float, freedom: float) -> Interval:
     return Interval(float(np.sqrt(variance)), float(low), float(high))
 
 
-def _scaled(x: Interval, factor: float) -> Interval:
+def _scale(x: Interval, factor: float) -> Interval:
     return Interval(float(factor * x.value), float(factor * x.low), float(factor * x.high))
 
 

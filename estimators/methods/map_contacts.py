@@ -103,8 +103,8 @@ def apply(
             if likely:
                 errors, P = errors + gain @ r, P - gain @ H @ P
         outcomes.append(outcome)
-    corrected = [_corrected(f, errors, before - P, calibration.geometry) for f in fingers]
-    return Found(corrected, _resized(calibration.geometry, errors), tuple(outcomes))
+    corrected = [_correct_finger(f, errors, before - P, calibration.geometry) for f in fingers]
+    return Found(corrected, _resize(calibration.geometry, errors), tuple(outcomes))
 
 
 def _of(finger: str) -> slice:
@@ -221,7 +221,7 @@ def _place(
     return np.asarray(root + quat.rotate(q_HB, bones).sum(axis=0))
 
 
-def _corrected(finger: Finger, errors: Array, gained: Array, geometry: HandGeometry) -> Finger:
+def _correct_finger(finger: Finger, errors: Array, gained: Array, geometry: HandGeometry) -> Finger:
     """A finger whose sensors sit as the contacts tell, with what its standard deviations lose by it."""
     own = errors[_of(finger.name)] if finger.name in CHAINS else np.zeros(EACH)
     last = CHAINS[finger.name][-1] if finger.name in CHAINS else ""
@@ -249,8 +249,8 @@ def _corrected(finger: Finger, errors: Array, gained: Array, geometry: HandGeome
         sure=replace(
             sure,
             q_BS=_reduced_mountings(sure.q_BS, last, less),
-            angles=_reduced(sure.angles, by_angles, less),
-            tip=_reduced(sure.tip, by_tip, less),
+            angles=_reduce_sd(sure.angles, by_angles, less),
+            tip=_reduce_sd(sure.tip, by_tip, less),
         ),
     )
 
@@ -262,7 +262,7 @@ def _reduced_mountings(sd: Mapping[str, Array], last: str, less: Array) -> dict[
     }
 
 
-def _reduced(sd: Array, slopes: Array, less: Array) -> Array:
+def _reduce_sd(sd: Array, slopes: Array, less: Array) -> Array:
     """Standard deviations less a variance; a tenth of them is left at least."""
     variance = np.einsum("...k,kl,...l->...", slopes, less, slopes)
     return np.asarray(np.sqrt(np.maximum(sd**2 - variance, (0.1 * sd) ** 2)))
@@ -283,7 +283,7 @@ def _output_slopes(
         angles = np.where(IS_DOF, joint_angles.of_segments(q_GS), 0.0)
         every = np.zeros(COUNT)
         every[_of(finger.name)] = e[3:]
-        hand = _resized(geometry, every)
+        hand = _resize(geometry, every)
         tips = forward_kinematics.tips(joint_angles.compose(angles), hand)
         return angles, tips[:, FINGERS.index(finger.name)]
 
@@ -294,7 +294,7 @@ def _output_slopes(
     return np.nan_to_num(by_angles), np.nan_to_num(by_tip)
 
 
-def _resized(geometry: HandGeometry, errors: Array) -> HandGeometry:
+def _resize(geometry: HandGeometry, errors: Array) -> HandGeometry:
     """The hand with roots and bones as the contacts tell."""
     places, lengths = dict(geometry.joint_positions), dict(geometry.lengths)
     for finger in FINGERS:

@@ -81,10 +81,10 @@ class Sheet:
 
     def landmarks(self, geometry: HandGeometry) -> dict[str, Array]:
         """Where the landmarks (2,) of a hand in the pose are on the sheet, m."""
-        on_sheet = self._placed(_hand_landmarks(geometry))
+        on_sheet = self._place_on_sheet(_hand_landmarks(geometry))
         return dict(zip(LANDMARKS, on_sheet))
 
-    def _placed(self, dorsal_distal_ulnar: Array) -> Array:
+    def _place_on_sheet(self, dorsal_distal_ulnar: Array) -> Array:
         """Anatomical places (n, 3) from the wrist as they lie on the sheet (n, 2), moved sideways
         so that both edges are as far from the hand."""
         across = -1.0 if self.hand == "left" else 1.0  # of ulnar on the sheet's x

@@ -97,14 +97,14 @@ def _backwards(
     means = isinstance(params, FusionParams) and params.gyr_reading == "mean"
     pieces = list(
         _forwards(
-            method, params, turned, streams, [_reversed(join(b), means) for b in by_stream.values()]
+            method, params, turned, streams, [_reverse(join(b), means) for b in by_stream.values()]
         )
     )
     for piece in reversed(pieces):
         yield replace(piece.reversed(), t=-piece.t[::-1])
 
 
-def _reversed(block: Block, means: bool) -> Block:
+def _reverse(block: Block, means: bool) -> Block:
     """Time runs the other way; where rates are `means` since the sample before, the turn back to a
     sample is that of the following one."""
     values = block.values[::-1].copy()

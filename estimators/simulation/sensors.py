@@ -237,7 +237,7 @@ def true_mounting(sensors: SensorSet, k: Kinematics) -> Array:
     """True sensor-to-segment rotations q_BS (n, sensors, 4) at the instants of the kinematics, skin included."""
     flexion = _flexions(sensors, k)[0]
     turned = quat.exp(flexion[..., None] * sensors.skin_turn)
-    return quat.multiply(turned, quat.multiply(_slipped(sensors, k.t)[0], sensors.q_BS))
+    return quat.multiply(turned, quat.multiply(_mounting_slip(sensors, k.t)[0], sensors.q_BS))
 
 
 def sensor_poses(sensors: SensorSet, k: Kinematics) -> tuple[Array, Array]:
@@ -274,7 +274,7 @@ def _sensor_motion(sensors: SensorSet, k: Kinematics) -> _SensorMotion:
         + push
     )
     skin = quat.exp(flexion * sensors.skin_turn)
-    slipped, slip_rate = _slipped(sensors, k.t)
+    slipped, slip_rate = _mounting_slip(sensors, k.t)
     q_BS = quat.multiply(skin, quat.multiply(slipped, sensors.q_BS))
     # the turn's axis is fixed on the segment
     w_GS = w + quat.rotate(q_GB, rate * sensors.skin_turn + quat.rotate(skin, slip_rate))
@@ -288,7 +288,7 @@ def _flexions(sensors: SensorSet, k: Kinematics) -> tuple[Array, Array, Array]:
     return soft_tissue.follow(sensors.errors.skin_law, k.t, flexion)
 
 
-def _slipped(sensors: SensorSet, t: Array) -> tuple[Array, Array]:
+def _mounting_slip(sensors: SensorSet, t: Array) -> tuple[Array, Array]:
     """Turn of the seats at the instants t (n,) as rotations (n, sensors, 4), and its rate (n, sensors, 3) rad/s."""
     slips = np.zeros((len(sensors.segments), 3)) if sensors.slips is None else sensors.slips
     u = np.clip((t - sensors.slip_time) / SLIP_DURATION, 0.0, 1.0)[:, None, None]

@@ -38,7 +38,7 @@ def _quadratic(t: Array, flexion: Flexion) -> Flexion:
     )
 
 
-def _delayed(t: Array, flexion: Flexion) -> Flexion:
+def _delay(t: Array, flexion: Flexion) -> Flexion:
     """A first-order lag, exact for flexion that is linear between samples."""
     f, df, _ = flexion
     y = f.copy()
@@ -63,6 +63,6 @@ def _sticking(t: Array, flexion: Flexion) -> Flexion:
 LAWS: Mapping[str, Callable[[Array, Flexion], Flexion]] = {
     "proportional": _proportional,
     "quadratic": _quadratic,
-    "delayed": _delayed,
+    "delayed": _delay,
     "sticking": _sticking,
 }

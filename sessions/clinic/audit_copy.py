@@ -118,7 +118,7 @@ def _replace_head(place: str) -> Send:
 
 
 def _send_to_syslog(place: str) -> Send:
-    host, port = _parted(place) if _has_port(place) else (place, SYSLOG_PORT)
+    host, port = _split_address(place) if _has_port(place) else (place, SYSLOG_PORT)
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
 
     def send(row: Mapping[str, Any]) -> None:
@@ -131,7 +131,7 @@ def _send_to_syslog(place: str) -> Send:
 
 
 def _send_to_host(place: str) -> Send:
-    return _Collector(lambda: socket.create_connection(_parted(place), PATIENCE)).send
+    return _Collector(lambda: socket.create_connection(_split_address(place), PATIENCE)).send
 
 
 def _send_to_socket(place: str) -> Send:
@@ -182,6 +182,6 @@ def _has_port(place: str) -> bool:
     return bool(host) and port.isdecimal()
 
 
-def _parted(place: str) -> tuple[str, int]:
+def _split_address(place: str) -> tuple[str, int]:
     host, _, port = place.rpartition(":")
     return host.strip("[]"), int(port)

@@ -119,10 +119,10 @@ def without_reasons(sentence: str, corrections: Iterable[Mapping[str, Any]]) -> 
 def _without(sentence: str, reason: str) -> str:
     if not isinstance(sentence, Sentence):  # words that have no code
         return sentence.replace(f"({reason})", f"({REDACTED})")
-    return Sentence(*(replace(m, values=_redacted(m.values, reason)) for m in sentence.messages))
+    return Sentence(*(replace(m, values=_redact(m.values, reason)) for m in sentence.messages))
 
 
-def _redacted(values: Mapping[str, Value], reason: str) -> Mapping[str, Value]:
+def _redact(values: Mapping[str, Value], reason: str) -> Mapping[str, Value]:
     return {
         name: REDACTED
         if name == "reason" and value == reason

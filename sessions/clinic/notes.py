@@ -20,7 +20,7 @@ LONGEST = 20_000  # characters
 
 def write(db: Session, patient: Patient, text: str) -> Note:
     """Keep a new note."""
-    note = Note(patient_id=patient.id, text=_checked(text))
+    note = Note(patient_id=patient.id, text=_require_text(text))
     db.add(note)
     db.commit()
     return note
@@ -41,7 +41,7 @@ def change(
     note = get(db, note_id)
     require_seen(phrase("conflict.note"), note.version, version)
     if text is not None:
-        note.text = _checked(text)
+        note.text = _require_text(text)
     if removed is not None:
         note.removed = now() if removed else None
     try:
@@ -58,7 +58,7 @@ def purge(db: Session) -> None:
     db.commit()
 
 
-def _checked(text: str) -> str:
+def _require_text(text: str) -> str:
     text = text.strip()
     if not 1 <= len(text) <= LONGEST:
         raise InputError("clinic.note_length", longest=LONGEST)

@@ -130,7 +130,7 @@ def choose(
 
 def candidates(db: Session, result: Result) -> list[Compared]:
     """Every session of the patient that the result may be compared with, in order of time."""
-    return [_compared(db, p) for p in _matching(db, result)]
+    return [_to_compared(db, p) for p in _matching(db, result)]
 
 
 def versions(db: Session, result: Result) -> list[Version]:
@@ -318,7 +318,7 @@ def _mdcs(rows: Sequence[Sequence[Any]]) -> dict[Key, Repeatability]:
     return {(r.measure, r.task, r.name): r for r in made}
 
 
-def _compared(db: Session, p: ProcessedSession) -> Compared:
+def _to_compared(db: Session, p: ProcessedSession) -> Compared:
     o: Occasion = p.occasion
     version = db.scalar(select(Result.version).where(Result.id == o.result)) or ""
     return Compared(o.result, o.session, o.hand, o.started, version, p.values)
@@ -327,7 +327,7 @@ def _compared(db: Session, p: ProcessedSession) -> Compared:
 def _snapshot(db: Session, p: ProcessedSession | None) -> dict[str, Any] | None:
     if p is None:
         return None
-    c = _compared(db, p)
+    c = _to_compared(db, p)
     return {
         "result": c.result,
         "session": c.session,

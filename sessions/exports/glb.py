@@ -76,7 +76,7 @@ def write(measured: Measured) -> Exported:
     document |= {"accessors": binary.accessors, "bufferViews": binary.views}
     binary.data += b"\0" * (-len(binary.data) % 4)
     document["buffers"] = [{"byteLength": len(binary.data)}]
-    return Exported({"": _packed(document, bytes(binary.data))}, bones.notices)
+    return Exported({"": _pack_container(document, bytes(binary.data))}, bones.notices)
 
 
 def _bones(bones: Skeleton) -> tuple[list[dict[str, Any]], Tracks]:
@@ -162,7 +162,7 @@ def _animation(binary: Binary, t: Array, tracks: Tracks) -> dict[str, Any]:
     return {"name": "movement", "samplers": samplers, "channels": channels}
 
 
-def _packed(document: dict[str, Any], data: bytes) -> bytes:
+def _pack_container(document: dict[str, Any], data: bytes) -> bytes:
     """Header and both chunks of the container."""
     text = json.dumps(document, default=str).encode()
     text += b" " * (-len(text) % 4)

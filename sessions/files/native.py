@@ -131,10 +131,10 @@ class _Parts:
             self._blocks.setdefault(name, []).append(block)
 
     def joined(self) -> dict[str, Block]:
-        return {name: _named(join(blocks), name) for name, blocks in self._blocks.items()}
+        return {name: _with_name(join(blocks), name) for name, blocks in self._blocks.items()}
 
 
-def _named(block: Block, name: str) -> Block:
+def _with_name(block: Block, name: str) -> Block:
     if block.stream.name == name:
         return block
     return replace(block, stream=replace(block.stream, name=name))

@@ -63,7 +63,7 @@ def attach(folder: Path, url: str, shared: str | None = None) -> ObjectStorage:
         return known
     _require_plain(url)
     storage = ObjectStorage(url, shared or uuid.uuid4().hex)
-    with _reached(storage) as (fs, root):
+    with _reach(storage) as (fs, root):
         try:
             found = fs.cat_file(f"{root}/{MARK}")
         except FileNotFoundError:
@@ -82,7 +82,7 @@ def attach(folder: Path, url: str, shared: str | None = None) -> ObjectStorage:
 
 def require(storage: ObjectStorage) -> None:
     """UnreachableError where it does not answer, or where what answers is not the place that was attached."""
-    with _reached(storage) as (fs, root):
+    with _reach(storage) as (fs, root):
         try:
             whose = _whose(fs.cat_file(f"{root}/{MARK}"))
         except FileNotFoundError:
@@ -101,7 +101,7 @@ def _whose(mark: bytes) -> str | None:
 
 def put(storage: ObjectStorage, name: str, path: Path) -> str:
     """Bring a file there; gives the SHA-256 of what lies there then, read back."""
-    with _reached(storage) as (fs, root):
+    with _reach(storage) as (fs, root):
         fs.put_file(str(path), f"{root}/{name}")
     total = hashlib.sha256()
     for piece in pieces(storage, name):
@@ -112,7 +112,7 @@ def put(storage: ObjectStorage, name: str, path: Path) -> str:
 def pieces(storage: ObjectStorage, name: str) -> Iterator[bytes]:
     """A file's bytes; FileNotFoundError where it is not there."""
     with (
-        _reached(storage) as (fs, root),
+        _reach(storage) as (fs, root),
         fs.open(f"{root}/{name}", "rb", block_size=4 * PIECE) as file,
     ):
         while piece := file.read(PIECE):
@@ -121,25 +121,25 @@ def pieces(storage: ObjectStorage, name: str) -> Iterator[bytes]:
 
 def size(storage: ObjectStorage, name: str) -> int:
     """Bytes of a file; FileNotFoundError where it is not there."""
-    with _reached(storage) as (fs, root):
+    with _reach(storage) as (fs, root):
         return int(fs.size(f"{root}/{name}"))
 
 
 def names(storage: ObjectStorage, folder: str, begin: str = "") -> list[str]:
     """The files in a folder there whose names begin so, as the data folder calls them."""
-    with _reached(storage) as (fs, root):
+    with _reach(storage) as (fs, root):
         found = [path.removeprefix(root).lstrip("/") for path in fs.find(f"{root}/{folder}")]
     return sorted(name for name in found if name.startswith(f"{folder}/{begin}"))
 
 
 def remove(storage: ObjectStorage, name: str) -> None:
     """A file is gone from there, whether it was there or not."""
-    with _reached(storage) as (fs, root), contextlib.suppress(FileNotFoundError):
+    with _reach(storage) as (fs, root), contextlib.suppress(FileNotFoundError):
         fs.rm_file(f"{root}/{name}")
 
 
 @contextlib.contextmanager
-def _reached(storage: ObjectStorage) -> Iterator[tuple[Any, str]]:
+def _reach(storage: ObjectStorage) -> Iterator[tuple[Any, str]]:
     """The file system and our place on it; whatever goes wrong on the way there is UnreachableError, what is not there FileNotFoundError."""
     try:
         import fsspec

@@ -97,7 +97,7 @@ def correct_recording(recording: LoadedRecording) -> LoadedRecording:
     return replace(
         recording,
         samples={name: correct_block(b, corrections) for name, b in recording.samples.items()},
-        events=tuple(_applied(e) if e in due else e for e in recording.events),
+        events=tuple(_mark_applied(e) if e in due else e for e in recording.events),
         warnings=(*recording.warnings, *(_sentence(c) for c in corrections)),
     )
 
@@ -106,7 +106,7 @@ def _is_applied(event: Event) -> bool:
     return str(event.details.get("applied", "")).lower() in ("yes", "true")
 
 
-def _applied(event: Event) -> Event:
+def _mark_applied(event: Event) -> Event:
     return replace(event, details={**event.details, "applied": "yes"})
 
 

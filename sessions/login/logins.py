@@ -137,7 +137,7 @@ def log_in(db: Session, name: str, password: str, address: str) -> Account | Non
     if account is not None:  # who is in clears these tries; the address keeps its others
         throttle.forget(db, tried, limits[0])
     elif (tries := throttle.tries(db, limits[0])) in REPORTED:
-        audit.record(db, _failed(db, name, tries))
+        audit.record(db, _failure_event(db, name, tries))
     db.commit()
     return account
 
@@ -190,7 +190,7 @@ def _has_logged_in(db: Session, name: str, address: str) -> bool:
     return db.scalar(query.limit(1)) is not None
 
 
-def _failed(db: Session, name: str, tries: int) -> AuditEvent:
+def _failure_event(db: Session, name: str, tries: int) -> AuditEvent:
     """A name that no account has is not kept: it may be a password typed in the wrong place."""
     known = db.scalar(select(Account.id).where(Account.name == _plain(name)))
     counts = {"by": "password", "tries": tries}

@@ -108,7 +108,7 @@ def _zip(path: Path) -> dict[str, Pieces]:
         raise InputError("motion_bids.zip_damaged", name=path.name) from None
     _refuse_tricks(path.name, entries)
     return {
-        e.filename: partial(_unpacked, path, e)
+        e.filename: partial(_unpack, path, e)
         for e in entries
         if PurePosixPath(e.filename).suffix in WANTED and not e.filename.startswith("__MACOSX/")
     }
@@ -146,7 +146,7 @@ def _refuse_tricks(name: str, entries: list[zipfile.ZipInfo]) -> None:
         )
 
 
-def _unpacked(path: Path, entry: zipfile.ZipInfo) -> Iterator[bytes]:
+def _unpack(path: Path, entry: zipfile.ZipInfo) -> Iterator[bytes]:
     length = 0
     try:
         with (

@@ -90,7 +90,7 @@ def load(path: Path, hand: Hand | None = None, inertial: bool = True) -> LoadedR
         [s.sidecar for s in systems], HANDS[0] if unsaid and not inertial else hand, path.name
     )
     warnings: list[str] = []
-    setups = parse_setups(_merged(systems, "ForceSetup"))
+    setups = parse_setups(_merge_sidecars(systems, "ForceSetup"))
     samples = {}
     calibrated: set[str] = set()
     for system in systems:
@@ -102,14 +102,14 @@ def load(path: Path, hand: Hand | None = None, inertial: bool = True) -> LoadedR
     _refuse_double(samples)
     recording = LoadedRecording(
         side,
-        sized(side, measures_from(_merged(systems, "HandGeometry"))),
-        _mounting(_merged(systems, "SensorMounting")),
+        sized(side, measures_from(_merge_sidecars(systems, "HandGeometry"))),
+        _mounting(_merge_sidecars(systems, "SensorMounting")),
         samples,
         events_of(files, inside),
         tuple(warnings),
         checksum=checksum(),
         source={"format": "Motion-BIDS", "recording": inside, **_provenance(systems)},
-        plate=plate_from(_merged(systems, "MagnetSetup")),
+        plate=plate_from(_merge_sidecars(systems, "MagnetSetup")),
     )
     return require_samples(recording, path.name) if inertial else recording
 
@@ -473,7 +473,7 @@ def _refuse_double(samples: Mapping[str, Block]) -> None:
                     )
 
 
-def _merged(systems: list[System], entry: str) -> dict[str, Any]:
+def _merge_sidecars(systems: list[System], entry: str) -> dict[str, Any]:
     """An object that any of the sidecars may hold; where several do, they must agree."""
     total: dict[str, Any] = {}
     for system in systems:

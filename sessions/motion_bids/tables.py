@@ -70,14 +70,14 @@ def numbers(text: Iterable[bytes], name: str, columns: int) -> Array:
         left = (left + piece).removeprefix(BYTE_ORDER_MARK) if line == 1 else left + piece
         end = left.rstrip().rfind(b"\n")
         if end >= 0:
-            parts.append(_parsed(left[:end], name, columns, line))
+            parts.append(_parse_lines(left[:end], name, columns, line))
             left, line = left[end + 1 :], line + left.count(b"\n", 0, end) + 1
     if left := left.rstrip():
-        parts.append(_parsed(left, name, columns, line))
+        parts.append(_parse_lines(left, name, columns, line))
     return np.concatenate(parts)
 
 
-def _parsed(text: bytes, name: str, columns: int, line: int) -> Array:
+def _parse_lines(text: bytes, name: str, columns: int, line: int) -> Array:
     """Whole lines of a table, the first of them with number `line`."""
     table = _parsed_as_json(text)
     if table is None:

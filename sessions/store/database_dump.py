@@ -35,7 +35,7 @@ TOGETHER = 200  # rows that are read or written at a time: a result may have a m
 
 def dump(connection: Connection) -> Iterator[bytes]:
     """The lines, as of one moment where the connection's transaction sees one."""
-    metadata = _reflected(connection)
+    metadata = _reflect_tables(connection)
     yield _line({"revision": connection.scalar(text(f"SELECT version_num FROM {REVISION}"))})
     for table in metadata.sorted_tables:
         columns = [c.name for c in table.columns]
@@ -72,7 +72,7 @@ def load(engine: Engine, lines: Iterable[bytes]) -> None:
 
 
 def _fill(connection: Connection, lines: Iterator[bytes]) -> None:
-    metadata = _reflected(connection)
+    metadata = _reflect_tables(connection)
     table, columns, waiting = None, list[str](), list[dict[str, Any]]()
 
     def put() -> None:
@@ -100,7 +100,7 @@ def _fill(connection: Connection, lines: Iterator[bytes]) -> None:
     put()
 
 
-def _reflected(connection: Connection) -> MetaData:
+def _reflect_tables(connection: Connection) -> MetaData:
     """The tables as they are, whatever version of the program made them."""
     metadata = MetaData()
     metadata.reflect(connection)

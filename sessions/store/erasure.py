@@ -52,7 +52,7 @@ def erase(db: Session, store: Store, patient_id: int, typed: str) -> dict[str, i
         "bytes": sum(path.stat().st_size for path in paths),
     }
     audit.record(db, audit.AuditEvent("erased", "patient", counts=counts))
-    db.add_all(_erased(store, recordings, files))
+    db.add_all(_mark_erased(store, recordings, files))
     db.delete(patient)
     db.commit()
     remove_erased(db, store, files)
@@ -78,7 +78,7 @@ def erase_empty_session(db: Session, store: Store, session_id: int) -> None:
         for r in f.results
         for name in stored_files.files_of_result(store, r.id)
     }
-    db.add_all(_erased(store, session.recordings, files))
+    db.add_all(_mark_erased(store, session.recordings, files))
     db.delete(session)
     db.commit()
     remove_erased(db, store, files)
@@ -94,7 +94,7 @@ def erasures(db: Session, within: ColumnElement[bool] | None = None) -> list[Aud
     return list(db.scalars(query if within is None else query.where(within)))
 
 
-def _erased(
+def _mark_erased(
     store: Store, recordings: Collection[RecordingFile], files: Collection[str]
 ) -> list[ErasedFile]:
     """The files as ones that must go, here and in the other servers' folders; of results those remove what no row refers to (stored_files.move_out)."""

@@ -104,7 +104,7 @@ def _turning(blocks: Sequence[Block]) -> Iterator[Message]:
     for block in (b for b in blocks if b.stream.inertial):
         wide = max(3, round(SMOOTHED * block.stream.rate))
         for k, point in enumerate(block.stream.sensors):
-            gyr, acc = _filled(block.of(GYR)[:, k]), _filled(block.of(ACC)[:, k])
+            gyr, acc = _fill_forward(block.of(GYR)[:, k]), _fill_forward(block.of(ACC)[:, k])
             slope, correlation = _compare_turning(block.t, gyr, acc, wide)
             if not np.isfinite(slope):
                 continue
@@ -153,17 +153,17 @@ def _speeds(block: Block) -> Iterator[Array]:
     """Angular speeds (rows,) of each sensor, rad/s."""
     if GYR in block.stream.quantities:
         for k in range(len(block.stream.sensors)):
-            yield np.linalg.norm(_filled(block.of(GYR)[:, k]), axis=1)
+            yield np.linalg.norm(_fill_forward(block.of(GYR)[:, k]), axis=1)
     elif ORIENTATION in block.stream.quantities:
         steps = np.maximum(np.diff(block.t), 1e-6)
         for k in range(len(block.stream.sensors)):
-            q = _filled(block.of(ORIENTATION)[:, k])
+            q = _fill_forward(block.of(ORIENTATION)[:, k])
             q = q / np.maximum(np.linalg.norm(q, axis=1, keepdims=True), 1e-9)
             turned = np.linalg.norm(quat.log(quat.multiply(quat.conjugate(q[:-1]), q[1:])), axis=1)
             yield np.r_[turned / steps, 0.0]
 
 
-def _filled(values: Array) -> Array:
+def _fill_forward(values: Array) -> Array:
     """The values (rows, components) with the last one known in place of missing ones."""
     rows = np.asarray(np.isfinite(values).all(axis=1))
     last = np.maximum.accumulate(np.where(rows, np.arange(len(rows)), -1))

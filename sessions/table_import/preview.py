@@ -76,13 +76,13 @@ def _first_cells(path: Path, layout: TableLayout) -> tuple[tuple[str, ...], ...]
     lines = text_lines(path)[layout.skip : layout.skip + 4 * SHOWN]
     rows = csv.reader(lines, delimiter=layout.delimiter)
     try:
-        found = [_shortened(row) for row in rows if any(cell.strip() for cell in row)]
+        found = [_shorten(row) for row in rows if any(cell.strip() for cell in row)]
     except csv.Error:
         return ()
     return tuple(found[layout.header : SHOWN + layout.header])
 
 
-def _shortened(row: Sequence[str]) -> tuple[str, ...]:
+def _shorten(row: Sequence[str]) -> tuple[str, ...]:
     return tuple(cell.strip()[:LONGEST] for cell in islice(row, MOST_COLUMNS))
 
 

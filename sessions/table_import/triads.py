@@ -92,7 +92,7 @@ def guess_unit(table: NumberColumns, kind: str, columns: Sequence[Column]) -> st
         return "1"
     if unit := _unit_in(kind, columns):
         return unit
-    values = _sampled(table, columns)
+    values = _sample_rows(table, columns)
     if not len(values):
         return next(iter(FACTORS[kind]))
     if kind in SIZES:
@@ -181,7 +181,7 @@ def _adjacent(table: NumberColumns, columns: Sequence[int]) -> Iterator[tuple[in
 
 def _by_numbers(table: NumberColumns, columns: Sequence[Column]) -> Triad | None:
     """What the columns measure by their numbers; None where they hold none, or four are no quaternion."""
-    values = _sampled(table, columns)
+    values = _sample_rows(table, columns)
     if len(values) < WINDOW:
         return None
     sizes = np.linalg.norm(values, axis=1)
@@ -210,7 +210,7 @@ def _kind_of(values: Array) -> str:
     return GYR
 
 
-def _sampled(table: NumberColumns, columns: Sequence[Column]) -> Array:
+def _sample_rows(table: NumberColumns, columns: Sequence[Column]) -> Array:
     """Rows without gaps (rows, columns): windows of WINDOW rows spread over the table, at most LOOKED_AT rows."""
     numbers = [c if isinstance(c, int) else table.names.index(c) for c in columns]
     if any(k in table.faults for k in numbers):

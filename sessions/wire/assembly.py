@@ -217,13 +217,13 @@ class Assembler:
     def _take(self, message: Message, arrival: float) -> Iterable[Burst]:
         match message:
             case Identity():
-                self._identified(message)
+                self._take_identity(message)
             case Strip():
-                self._plugged(message)
-                return self._released()
+                self._take_strip(message)
+                return self._release_waiting()
             case StreamInfo():
-                self._described(message)
-                return self._released()
+                self._take_stream_info(message)
+                return self._release_waiting()
             case Samples():
                 return self._sampled(message, arrival)
             case Status():
@@ -234,15 +234,15 @@ class Assembler:
             case Pong():
                 self.host.update(message.t * NS, arrival)
             case Mark():
-                self._marked(message)
+                self._take_mark(message)
             case Plate():
                 self.plate = message
             case StripCalibration() | ForceSensorCalibration():
-                self._calibrated(message)
-                return self._released()
+                self._take_calibration(message)
+                return self._release_waiting()
         return ()
 
-    def _identified(self, identity: Identity) -> None:
+    def _take_identity(self, identity: Identity) -> None:
         if self.identity is not None and identity.device_id != self.identity.device_id:
             self.replaced += 1
         if self.identity is not None and (identity.boot_id, identity.device_id) != (
@@ -264,7 +264,7 @@ class Assembler:
             self._zero, self._next_index = None, {}
         self.identity = identity
 
-    def _plugged(self, announced: Strip) -> None:
+    def _take_strip(self, announced: Strip) -> None:
         self._announced[announced.slot] = announced
         strip = self._worn(announced)
         before = self.strips.get(strip.slot)
@@ -288,7 +288,7 @@ class Assembler:
             self._mount(strip)
             self._rename()
 
-    def _calibrated(self, calibration: StripCalibration | ForceSensorCalibration) -> None:
+    def _take_calibration(self, calibration: StripCalibration | ForceSensorCalibration) -> None:
         key = calibration.slot, calibration.sensor
         known: dict[tuple[int, int], Any] = (
             self.forces if isinstance(calibration, ForceSensorCalibration) else self.calibrations
@@ -297,7 +297,7 @@ class Assembler:
             known[key] = calibration
             self._rename()
 
-    def _marked(self, mark: Mark) -> None:
+    def _take_mark(self, mark: Mark) -> None:
         if self._zero is None:
             self._early.append(mark)
             return
@@ -309,13 +309,13 @@ class Assembler:
             Event((mark.t - self._zero) * NS, mark.duration * NS, mark.trial_type, details)
         )
 
-    def _described(self, info: StreamInfo) -> None:
+    def _take_stream_info(self, info: StreamInfo) -> None:
         if self.infos.get(info.stream) != info:
             self.infos[info.stream] = info
             self._next_index.pop(info.stream, None)
             self._rename()
 
-    def _released(self) -> Iterable[Burst]:
+    def _release_waiting(self) -> Iterable[Burst]:
         """The bursts whose stream is described by now."""
         ready = [w for w in self._waiting if w[0].stream in self.streams]
         self._waiting = deque(
@@ -412,7 +412,7 @@ class Assembler:
                 (arrival - self._host_zero) / NS
             )
             while self._early:
-                self._marked(self._early.popleft())
+                self._take_mark(self._early.popleft())
         first = (own - self._zero) * NS if info.clock == 0 else base - self._zero * NS
         return first + np.arange(samples.count) / info.rate
 

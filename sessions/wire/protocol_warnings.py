@@ -24,7 +24,7 @@ def deviations(assembler: Assembler) -> Iterator[str]:
     identity = assembler.identity
     if identity is not None and identity.version != VERSION:
         yield phrase("wire.other_version", theirs=identity.version, ours=VERSION, needed=VERSION)
-    yield from _refused(assembler)
+    yield from _describe_dropped(assembler)
     yield from _strips(assembler)
     for name, count in assembler.counts.items():
         if count.unsent:
@@ -46,7 +46,7 @@ def _lost_frames(assembler: Assembler) -> Iterator[str]:
         yield phrase("wire.frames_missing", count=lost.open)
 
 
-def _refused(assembler: Assembler) -> Iterator[str]:
+def _describe_dropped(assembler: Assembler) -> Iterator[str]:
     if count := assembler.counters.malformed:
         yield phrase("wire.messages_refused", count=count, reason=assembler.decoder.refusal)
     if dropped := assembler.undescribed + assembler.waiting:

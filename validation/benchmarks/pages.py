@@ -93,14 +93,14 @@ def fill(store: Store) -> None:
     """PATIENTS with SESSIONS; the first session is a simulated recording, kept and processed, all others are copies of its rows."""
     with store.database() as db:
         first = patients.create(db, "P-0001", affected_hand="left", note="seen every fortnight")
-        result_id = _processed(db, store, first)
+        result_id = _process(db, store, first)
     make(store, result_id)
     with store.database() as db:
         _copy(db)
         db.commit()
 
 
-def _processed(db: Session, store: Store, patient: Patient) -> int:
+def _process(db: Session, store: Store, patient: Patient) -> int:
     made = simulate(
         MINUTE, "left", sized("left"), np.random.default_rng(1), SensorErrors(), field=homogeneous()
     )

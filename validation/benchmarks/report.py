@@ -44,11 +44,11 @@ def measure() -> list[Metric]:
     made = _content()
     return [
         Metric(f"{form} in {language.name}", _seconds(made, form, language), "s", TARGET, "lower")
-        for form, language in _wanted()
+        for form, language in _report_forms()
     ]
 
 
-def _wanted() -> list[tuple[str, Any]]:
+def _report_forms() -> list[tuple[str, Any]]:
     return [(form, language) for form in ("pdf", "html") for language in languages().values()]
 
 

@@ -25,13 +25,13 @@ def measure() -> list[Metric]:
     """By the clock and on the processor: the whole method, from samples to angles with standard deviations; fingers are solved two at a time."""
     _seconds(_finger(LENGTHS[0]))  # translates what is compiled
     return [
-        *_timed("one finger", _finger, LENGTHS, FINGER),
-        *_timed("whole hand", _hand, LENGTHS[1:], HAND),
+        *_time("one finger", _finger, LENGTHS, FINGER),
+        *_time("whole hand", _hand, LENGTHS[1:], HAND),
         Metric("map, peak memory", high_water(), "MB", MEMORY, "lower"),
     ]
 
 
-def _timed(
+def _time(
     name: str, recorded: Callable[[float], Simulated], lengths: tuple[float, ...], most: float
 ) -> list[Metric]:
     clock, worked = np.transpose([_seconds(recorded(length)) for length in lengths])

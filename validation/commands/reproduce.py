@@ -82,7 +82,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
-    wanted = _wanted(arguments)
+    wanted = _to_wanted(arguments)
     plans = _plans(arguments.names, wanted)
     out = output_folder(arguments.out) if arguments.out else None
     found: list[Finding] = []
@@ -116,7 +116,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _wanted(arguments: argparse.Namespace) -> Wanted:
+def _to_wanted(arguments: argparse.Namespace) -> Wanted:
     for option in ("seeds", "minutes", "jobs"):
         if getattr(arguments, option) < 1:
             raise InputError(f"--{option} {getattr(arguments, option)} is less than 1")

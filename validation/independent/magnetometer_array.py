@@ -93,7 +93,7 @@ def _silent(s: Scene, y: Values) -> Values:
     return np.where((np.arange(y.shape[1]) == 2)[None, :, None], np.nan, y)
 
 
-def _exchanged(s: Scene, y: Values) -> Values:
+def _exchange_axes(s: Scene, y: Values) -> Values:
     return y[:, [1, 0, *range(2, y.shape[1])]]
 
 
@@ -148,7 +148,7 @@ CONDITIONS: Mapping[str, Condition] = {
     "a tenth of all readings missing": Condition(spoilt=_missing),
     "a chip frozen": Condition(spoilt=_frozen),
     "a chip silent": Condition(spoilt=_silent),
-    "two chips exchanged": Condition(spoilt=_exchanged),
+    "two chips exchanged": Condition(spoilt=_exchange_axes),
     "a chip 50 ms late": Condition(spoilt=_late),
     "each chip 5 ms after the one before": Condition(spoilt=_in_turn),
     "each chip misaligned by 1 degree": Condition(chips=Chips(misaligned=np.radians(1.0))),
@@ -201,7 +201,7 @@ def measure(trial: Trial) -> LocatedReadings:
         turned = (
             ["--turned", f"{folder}/turned.csv"] if CONDITIONS[trial.condition].calibrated else []
         )
-        if _refused("locate", *words, *turned):
+        if _is_refused("locate", *words, *turned):
             return LocatedReadings(len(scene.t), *np.zeros((3, 0)))
         out = np.genfromtxt(f"{folder}/places.tsv", names=True, delimiter="\t")
     found = out["found"] > 0.5
@@ -266,7 +266,7 @@ def _path(condition: Condition, t: Values, rng: np.random.Generator) -> tuple[Va
     )
 
 
-def _refused(*words: str) -> bool:
+def _is_refused(*words: str) -> bool:
     """Run a command of the program."""
     from handscope.app import cli
 

@@ -111,8 +111,8 @@ def _figures(trial: Trial, count: int) -> dict[str, float]:
         np.random.default_rng(seeds[3]),
     )
     with tempfile.TemporaryDirectory() as folder:
-        calibrated, strength = _calibrated(Path(folder) / "turned", worn, room, rng)
-        recording = _recorded(Path(folder) / "moved", worn, motion, room, rng, calibrated, strength)
+        calibrated, strength = _calibrate_plate(Path(folder) / "turned", worn, room, rng)
+        recording = _record(Path(folder) / "moved", worn, motion, room, rng, calibrated, strength)
     moved = process(METHODS["m2"], METHODS["m2"].Params(), recording).trajectory
     s = hand_position.make_setting(
         PlaceParams(), recording.plate, recording.streams, recording.mounting
@@ -151,7 +151,7 @@ def _figures(trial: Trial, count: int) -> dict[str, float]:
         "trunk": DEG * _rms(np.linalg.norm(trunk, axis=1)),
         "relative nes": float(((relative / q_bt_sd) ** 2).mean()),
         "trunk nes": float(((trunk / q_gb_sd) ** 2).mean()),
-        **(_measured(moved, true) if trial.movement in REACHED and both.any() else {}),
+        **(_measure_errors(moved, true) if trial.movement in REACHED and both.any() else {}),
         **(
             {"back": _rms(wrong[moved.t > world.BACK + WITHIN])}
             if "out of reach" in trial.movement
@@ -160,7 +160,7 @@ def _figures(trial: Trial, count: int) -> dict[str, float]:
     }
 
 
-def _measured(moved: Trajectory, true: Array) -> dict[str, float]:
+def _measure_errors(moved: Trajectory, true: Array) -> dict[str, float]:
     """Measures of the reaches from rest to rest, estimated less true; `true` (n, 3) m is the path of the hand."""
     speed = np.linalg.norm(np.gradient(true, moved.t, axis=0), axis=1)
     rests = find_objects(label((speed < RESTS * speed.max()) & (moved.t > FIRST))[0])
@@ -209,7 +209,7 @@ def _rms(values: Array) -> float:
     return float(np.sqrt((values**2).mean()))
 
 
-def _calibrated(
+def _calibrate_plate(
     folder: Path, worn: Worn, room: Room, rng: np.random.Generator
 ) -> tuple[Mapping[str, tuple[Array, Array]], float]:
     """Matrix and bias by magnetometer from a recording of the plate being turned, and the field's strength, T."""
@@ -231,7 +231,7 @@ def _calibrated(
     }, found.strength
 
 
-def _recorded(
+def _record(
     folder: Path,
     worn: Worn,
     motion: Motion,

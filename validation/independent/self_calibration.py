@@ -109,7 +109,7 @@ def measure(trial: Trial) -> Found:
     seconds = time.process_time() - began
     pairs: dict[str, list[tuple[Array, Array]]] = {}
     for what, error, sd in (
-        *_calibrated(found.calibrations[0], true),
+        *_alignment_errors(found.calibrations[0], true),
         *_trajectory_errors(found.trajectory, true),
     ):
         pairs.setdefault(what, []).append((error, sd))
@@ -138,7 +138,7 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _calibrated(calibration: Calibration, true: Truth) -> Iterator[tuple[str, Array, Array]]:
+def _alignment_errors(calibration: Calibration, true: Truth) -> Iterator[tuple[str, Array, Array]]:
     """Errors and standard deviations of what the calibration tells."""
     body = true.body
     last = {links[-1] for links in CHAINS.values()} | {"hand", "forearm"}
@@ -234,7 +234,7 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
     verdicts = tuple(
         verdict
         for kind in (False, True)
-        for verdict in _judged(
+        for verdict in _verdicts(
             [f for c, fs in by.items() for f in fs if (c in OTHER_LAW) == kind], kind
         )
     )
@@ -252,7 +252,7 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
     )
 
 
-def _judged(found: Sequence[Found], other_law: bool) -> Iterator[Verdict]:
+def _verdicts(found: Sequence[Found], other_law: bool) -> Iterator[Verdict]:
     """Lengths against what is to be reached; nothing where nothing was measured."""
     skin = "skin of another law than is assumed" if other_law else "skin as assumed"
     if found:

@@ -82,7 +82,7 @@ def _figures(trial: Trial, count: int) -> dict[str, float]:
     spheres = [
         magnetometer_ellipsoid.fit_ellipsoid(raw[:, k], strength=EARTH) for k in range(count)
     ]
-    calibrated = _corrected(spheres, raw)
+    calibrated = _correct(spheres, raw)
     q_bl = magnetometer_ellipsoid.find_common_axes(calibrated).q_1l
     dip = magnetometer_ellipsoid.dip(
         calibrated[:, 0], magnet.simulate_inertial(worn, turning, rng)[:, 0, 3:]
@@ -100,7 +100,7 @@ def _figures(trial: Trial, count: int) -> dict[str, float]:
     def read(m: Motion) -> Readings:
         inertial, mag = (
             magnet.simulate_inertial(worn, m, rng),
-            _corrected(spheres, magnet.simulate_magnetic(worn, m, room, rng)),
+            _correct(spheres, magnet.simulate_magnetic(worn, m, room, rng)),
         )
         return Readings(m.t, inertial[:, 0], inertial[:, 1], mag)
 
@@ -152,7 +152,7 @@ def _honesty(label: str, track: Track, m: Motion, q_gb: Array, late: Bools) -> d
     return {f"{what}{label}": float((error[late] ** 2).mean()) for what, error in errors.items()}
 
 
-def _corrected(spheres: Sequence[magnetometer_ellipsoid.EllipsoidCalibration], raw: Array) -> Array:
+def _correct(spheres: Sequence[magnetometer_ellipsoid.EllipsoidCalibration], raw: Array) -> Array:
     return np.stack([s.corrected(raw[:, k]) for k, s in enumerate(spheres)], axis=1)
 
 

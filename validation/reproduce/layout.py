@@ -15,7 +15,7 @@ def as_text(finding: Finding) -> str:
         *(textwrap.fill(s, WIDTH) for s in finding.setting),
     ]
     for table in finding.tables:
-        parts.append(f"{table.title}{_how(table)}\n{_aligned(_grid(table))}")
+        parts.append(f"{table.title}{_how(table)}\n{_align_columns(_grid(table))}")
     text = [*(verdict.words for verdict in finding.verdicts), *finding.remarks]
     parts.append("\n".join(textwrap.fill(s, WIDTH) for s in text))
     return "\n\n".join(part for part in parts if part) + "\n"
@@ -24,7 +24,10 @@ def as_text(finding: Finding) -> str:
 def as_markdown(finding: Finding, images: str | None) -> str:
     """A section of a page; `images` is where its figures lie, seen from the page; None leaves them out."""
     text = "\n".join(f"- {s}" for s in (*(v.words for v in finding.verdicts), *finding.remarks))
-    tables = [f"{table.title}{_how(table)}:\n\n{_piped(_grid(table))}" for table in finding.tables]
+    tables = [
+        f"{table.title}{_how(table)}:\n\n{_markdown_table(_grid(table))}"
+        for table in finding.tables
+    ]
     figures = [f"![{finding.title}]({images}/{name})" for name in finding.figures if images]
     return "\n\n".join(
         part for part in (f"## {finding.title}", *finding.setting, *tables, text, *figures) if part
@@ -39,7 +42,7 @@ def sizes_as_text(sizes: Sizes) -> str:
 
 def sizes_as_markdown(sizes: Sizes) -> str:
     """A section of a page."""
-    return f"## {sizes.title}\n\n{_piped([list(sizes.head), *(list(row) for row in sizes.rows)], right=False)}"
+    return f"## {sizes.title}\n\n{_markdown_table([list(sizes.head), *(list(row) for row in sizes.rows)], right=False)}"
 
 
 def as_page(section: str, written: str) -> str:
@@ -89,7 +92,7 @@ def _number(s: Spread, digits: int) -> str:
     )
 
 
-def _aligned(grid: Sequence[Sequence[str]]) -> str:
+def _align_columns(grid: Sequence[Sequence[str]]) -> str:
     widths = [max(len(cell) for cell in column) for column in zip(*grid)]
     return "\n".join(
         "  ".join([cells[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(cells[1:], widths[1:]))])
@@ -97,6 +100,6 @@ def _aligned(grid: Sequence[Sequence[str]]) -> str:
     )
 
 
-def _piped(grid: Sequence[Sequence[str]], right: bool = True) -> str:
+def _markdown_table(grid: Sequence[Sequence[str]], right: bool = True) -> str:
     head, *rows = (f"| {' | '.join(cells)} |" for cells in grid)
     return "\n".join([head, f"|---{('|---:' if right else '|---') * (len(grid[0]) - 1)}|", *rows])

@@ -365,14 +365,14 @@ def _outside(kind: Kind, seed: int) -> Made:
     with TemporaryDirectory() as folder:
         free_movement.written(setup, Path(folder) / "recording")
         read = formats.load(Path(folder) / "recording")
-    blocks = tuple(_turned(b, read.mounting) for b in whole_streams(list(read.blocks())))
+    blocks = tuple(_rotate_readings(b, read.mounting) for b in whole_streams(list(read.blocks())))
     samples = {b.stream.name: b for b in blocks}
     return Made(
         LoadedRecording(read.hand, read.geometry, {}, samples, read.events), blocks, kind.finger
     )
 
 
-def _turned(block: Block, mounting: Mapping[str, Array]) -> Block:
+def _rotate_readings(block: Block, mounting: Mapping[str, Array]) -> Block:
     R = quat.matrix(
         np.array([quat.normalize(np.asarray(mounting[s], float)) for s in block.stream.sensors])
     )

@@ -169,7 +169,7 @@ def _pieces(
     }
     begin, states, pending = 0.0, dict[str, Any](), trajectory.empty("left")
     for performance in performances:
-        block, truth = _recorded(worn, performance, begin)
+        block, truth = _record(worn, performance, begin)
         begin += performance.motion.duration
         if not states:
             pose = Simulated(
@@ -194,7 +194,7 @@ def _pieces(
         pending = pending.between(begin - PIECE, np.inf)
 
 
-def _recorded(worn: Worn, performance: Performance, begin: float) -> tuple[Block, Trajectory]:
+def _record(worn: Worn, performance: Performance, begin: float) -> tuple[Block, Trajectory]:
     """Samples and truth of one performance that begins at `begin` s."""
     first, last = (
         int(np.ceil(x * RATE - 1e-9)) for x in (begin, begin + performance.motion.duration)

@@ -57,14 +57,14 @@ def trials(wanted: Wanted) -> Sequence[Trial]:
 
 def measure(trial: Trial) -> Answer:
     """Put one recording through every check."""
-    answers = suspicions_of(_recorded(trial))
+    answers = suspicions_of(_record(trial))
     questions = [s.message.code for s in answers if s.message.severity == "info"]
     return Answer(
         tuple(s.message.code for s in answers if s.message.severity != "info"), tuple(questions)
     )
 
 
-def _recorded(trial: Trial) -> LoadedRecording:
+def _record(trial: Trial) -> LoadedRecording:
     if trial.kind in OUTSIDE:
         return _outside(OUTSIDE[trial.kind], trial.seed)
     return crosschecks.recorded(trial.kind, trial.seed).declared()

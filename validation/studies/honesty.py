@@ -56,7 +56,7 @@ def trials(wanted: Wanted) -> Sequence[Cell]:
 
 def measure(cell: Cell) -> Mapping[str, float]:
     """Mean normalised error squared of angles and tips, and percentages within 95 % intervals, by method and column."""
-    judged = _recorded(cell)
+    judged = _record(cell)
     found: dict[str, float] = {}
     for name in JUDGED_METHODS:
         done = process(METHODS[name], METHODS[name].Params(), judged.recording)
@@ -113,7 +113,7 @@ def _outside(row: Row, bounds: tuple[float, float]) -> Iterator[str]:
             yield f"{column} {s.mean:.{2 if column.startswith('NEES') else 0}f}"
 
 
-def _recorded(cell: Cell) -> Judged:
+def _record(cell: Cell) -> Judged:
     if cell.experiment == OTHER:
         return independent_worlds.recorded(cell.world, cell.seed)
     world = WORLDS[cell.world]

@@ -104,7 +104,7 @@ def measure(trial: Trial) -> Mapping[str, float]:
     """Errors of the moved fingers by pose and case: tips in cm, angles in deg, NEES of both where the method gives standard deviations."""
     found: dict[str, float] = {}
     for pose, contacts in product(POSES, CONTACTS):
-        plain = _performed(trial, pose, contacts)
+        plain = _simulate_trial(trial, pose, contacts)
         known = _with_measured_angles(plain, np.random.default_rng([77, trial.seed]))
         for name, case in CASES.items():
             if case.contacts != contacts:
@@ -137,7 +137,7 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, float]]]
     return Finding("missed-pose", "What an inexact pose costs", setting, (table,))
 
 
-def _performed(trial: Trial, pose: float, contacts: str) -> Simulated:
+def _simulate_trial(trial: Trial, pose: float, contacts: str) -> Simulated:
     """The trial of a person who also holds the contacts that CONTACTS names after the pose."""
     person = PersonErrors(pose_deg=pose, distribution="normal")
     return performed_by(

@@ -32,7 +32,7 @@ def _tasks(
 ) -> Make:
     def make(rng: np.random.Generator) -> list[Block]:
         person = draw_person("left", rng)
-        done = [_stiffened(tasks.TASKS[name](person.true), stiff) for name in names]
+        done = [_stiffen(tasks.TASKS[name](person.true), stiff) for name in names]
         return list(
             simulate_performances(
                 done,
@@ -47,7 +47,7 @@ def _tasks(
     return make
 
 
-def _stiffened(done: Performance, share: float) -> Performance:
+def _stiffen(done: Performance, share: float) -> Performance:
     """The same with every coordinate nearer to the relaxed hand."""
     spline = done.motion.spline
     c = share * spline.c

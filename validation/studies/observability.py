@@ -113,7 +113,7 @@ def trials(wanted: Wanted) -> Sequence[Trial]:
 def measure(trial: Trial) -> Found:
     """One recording, calibrated from a cold start."""
     links, rng = FINGERS[trial.finger], np.random.default_rng([trial.seed, 6])
-    made, true = _recorded(trial, rng)
+    made, true = _record(trial, rng)
     _, read = sample_preparation.prepare_readings(list(made.blocks()), links.sensors, 0.0, DURATION)
     guess = self_calibration_initialisation.initial_unknowns(
         links, Noise(), read, axis_in_sensors(links, made.mounting, Z)
@@ -131,7 +131,7 @@ def _rms(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def _recorded(trial: Trial, rng: np.random.Generator) -> tuple[Simulated, HandGeometry]:
+def _record(trial: Trial, rng: np.random.Generator) -> tuple[Simulated, HandGeometry]:
     """The movement of the printed finger, or of somebody's index finger; its true geometry."""
     motion, errors = (
         make_motion(rng, MOVEMENTS[trial.movement], trial.finger == "human finger"),
@@ -278,7 +278,7 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
     drawn = {
         f: Cells(
             f.capitalize(),
-            tuple(_named(m, by[f, m]) for m in MOVEMENTS),
+            tuple(_with_convergence(m, by[f, m]) for m in MOVEMENTS),
             np.array([[np.mean([r.sd[n] for r in by[f, m]]) for n in GOOD] for m in MOVEMENTS]),
             np.array(
                 [
@@ -306,7 +306,7 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
     )
 
 
-def _named(movement: str, results: Sequence[Found]) -> str:
+def _with_convergence(movement: str, results: Sequence[Found]) -> str:
     """With how often the solver came to an end, where that was not always."""
     ended = sum(r.converged for r in results)
     return (

@@ -96,7 +96,7 @@ def _by_matrix(
     return made.spoilt(change)
 
 
-def _retimed(made: Made, percent: float) -> Made:
+def _change_clock_rate(made: Made, percent: float) -> Made:
     """A recording whose times run too fast."""
     return replace(
         made,
@@ -121,7 +121,7 @@ def _other_hand(made: Made) -> Made:
     return crosschecks.FAULTS["the other hand"][1](made, 1.0)
 
 
-def _exchanged(pairs: Sequence[tuple[str, ...]], made: Made) -> Made:
+def _exchange(pairs: Sequence[tuple[str, ...]], made: Made) -> Made:
     return made.spoilt(crosschecks.exchanged(pairs))
 
 
@@ -163,10 +163,10 @@ FAULTS: Mapping[str, tuple[Fault, bool]] = {  # and whether all of the hand is a
         lambda m, c: _gyroscopes(exchanged_axes(c.axis), m, [c.sensor], c.half),
         False,
     ),
-    "middle and distal exchanged": (lambda m, c: _exchanged([CHAINS[c.finger][1:]], m), False),
-    "proximal and middle exchanged": (lambda m, c: _exchanged([CHAINS[c.finger][:2]], m), False),
-    "fingers exchanged, neighbours": (lambda m, c: _exchanged(_whole_fingers(c, 1), m), False),
-    "fingers exchanged, one between": (lambda m, c: _exchanged(_whole_fingers(c, 2), m), False),
+    "middle and distal exchanged": (lambda m, c: _exchange([CHAINS[c.finger][1:]], m), False),
+    "proximal and middle exchanged": (lambda m, c: _exchange([CHAINS[c.finger][:2]], m), False),
+    "fingers exchanged, neighbours": (lambda m, c: _exchange(_whole_fingers(c, 1), m), False),
+    "fingers exchanged, one between": (lambda m, c: _exchange(_whole_fingers(c, 2), m), False),
     "sensor late 0.2 s": (lambda m, c: m.spoilt(crosschecks.delayed([c.sensor], 0.2)), False),
     "sensor late 0.1 s": (lambda m, c: m.spoilt(crosschecks.delayed([c.sensor], 0.1)), False),
     "sensor late 0.2 s, second half": (
@@ -182,8 +182,8 @@ FAULTS: Mapping[str, tuple[Fault, bool]] = {  # and whether all of the hand is a
     "slipped 17 deg": (lambda m, c: crosschecks.slip(m, 17.0, c.sensor, c.half), False),
     "slipped 8.5 deg": (lambda m, c: crosschecks.slip(m, 8.5, c.sensor, c.half), False),
     "the other hand": (lambda m, c: _other_hand(m), True),
-    "rate 100 told as 50": (lambda m, c: _retimed(m, 100.0), True),
-    "rate 100 told as 90": (lambda m, c: _retimed(m, 100.0 / 9.0), True),
+    "rate 100 told as 50": (lambda m, c: _change_clock_rate(m, 100.0), True),
+    "rate 100 told as 90": (lambda m, c: _change_clock_rate(m, 100.0 / 9.0), True),
     "1.5 s of rows dropped": (
         lambda m, c: _without_rows(m, 1.5),
         True,
@@ -220,7 +220,7 @@ def measure(trial: Trial) -> dict[str, Case]:
     found = {}
     for name, (spoil, is_whole) in FAULTS.items():
         spoilt = spoil(made, choice)
-        fingers = list(FINGERS) if is_whole else _touched(choice.finger, name)
+        fingers = list(FINGERS) if is_whole else _affected_fingers(choice.finger, name)
         costs = {m: _cost(_errors(spoilt, truth, m), clean[m], fingers) for m in METHODS}
         untested = _is_untested(spoilt, choice, name)
         found[name] = Case(tuple(sorted(_codes(spoilt) - known)), costs, untested)
@@ -238,7 +238,7 @@ def _is_untested(made: Made, choice: Choice, name: str) -> bool:
     return choice.sensor in untested.gyroscopes
 
 
-def _touched(finger: str, name: str) -> list[str]:
+def _affected_fingers(finger: str, name: str) -> list[str]:
     """The fingers that a fault is in."""
     if not name.startswith("fingers"):
         return [finger]

@@ -55,7 +55,7 @@ def _errors(**changed: Any) -> SensorErrors:
     return replace(SensorErrors(), **changed)
 
 
-def _multiplied(source: str, times: float) -> World:
+def _multiply(source: str, times: float) -> World:
     """A source of errors, or "all sources", times a number."""
     world = World()
     sizes = [s for name, own in SOURCES.items() if source in (name, "all sources") for s in own]
@@ -80,7 +80,7 @@ def _multiplied(source: str, times: float) -> World:
 WORLDS: Mapping[str, World] = {
     "as believed": World(),
     **{
-        f"{source} x {times:g}": _multiplied(source, times)
+        f"{source} x {times:g}": _multiply(source, times)
         for source in ("pose", *SOURCES, "lengths", "all sources")
         for times in TIMES
     },

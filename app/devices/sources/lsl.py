@@ -50,10 +50,12 @@ def open_source(address: SourceAddress) -> "Inlet":
         inlet.open_stream(FIND_WAIT)
     except Exception:  # pylsl's TimeoutError and LostError
         raise InputError("device.lsl_stream_silent", name=address.what) from None
-    return Inlet(inlet, _opened([lsl.StreamInlet(m) for m in markers]), columns, lsl.local_clock)
+    return Inlet(
+        inlet, _open_markers([lsl.StreamInlet(m) for m in markers]), columns, lsl.local_clock
+    )
 
 
-def _opened(markers: list[Any]) -> list[Any]:
+def _open_markers(markers: list[Any]) -> list[Any]:
     """Streams of markers, opened: what is sent before the first pull would be lost otherwise."""
     for inlet in markers:
         with contextlib.suppress(Exception):  # a stream that has just gone; it is pulled in vain
@@ -107,7 +109,10 @@ class Inlet:
         except Exception as problem:  # pylsl's LostError, which lies in its inner modules
             raise OSError(f"the LSL stream {self._name} ended ({problem})") from None
         self._keep(0, samples, t)
-        return [*self._measured(np.asarray(samples, float), np.asarray(t, float)), *self._events()]
+        return [
+            *self._split_channels(np.asarray(samples, float), np.asarray(t, float)),
+            *self._events(),
+        ]
 
     def take_originals(self) -> Sequence[Original]:
         """Every channel of every stream as it came, the clocks' corrections, the descriptions."""
@@ -170,7 +175,7 @@ class Inlet:
             np.int64
         )
 
-    def _measured(self, samples: Array, t: Array) -> Iterator[Measured]:
+    def _split_channels(self, samples: Array, t: Array) -> Iterator[Measured]:
         if not len(t):
             return
         at = np.maximum(self._nanoseconds(t, 0), self._newest + 1)

@@ -173,7 +173,7 @@ class SimulatedPerson:
         )
         x, dx, ddx = (a[0] for a in self._motion.at(np.array([t])))
         waits = [(t + BRIDGE, task_performance.relaxed())] if begins > BRIDGE else []
-        self._motion = _joined(
+        self._motion = _join_motions(
             continue_through((x, dx, ddx), [*waits, (t + begins, task_performance.relaxed())], t),
             shift_motion(done.motion, t + begins),
         )
@@ -203,12 +203,14 @@ class SimulatedPerson:
                 )
         e = self._force.errors
         steady = replace(self._force, errors=replace(e, drift=0.0, torque_drift=0.0))
-        zeros = _walked(self._zero, e.drift, stream.rate, len(t), self.rng)
+        zeros = _random_walk(self._zero, e.drift, stream.rate, len(t), self.rng)
         self._zero = zeros[-1] if len(t) else self._zero
         read = force_sensors.simulate_forces(steady, self._sensors, k, forces, self.rng) + zeros
         if TORQUE in stream.quantities:
             assert self._six_axes is not None
-            zeros = _walked(self._torque_zero, e.torque_drift, stream.rate, len(t), self._of_torque)
+            zeros = _random_walk(
+                self._torque_zero, e.torque_drift, stream.rate, len(t), self._of_torque
+            )
             self._torque_zero = zeros[-1] if len(t) else self._torque_zero
             turned = (
                 force_sensors.simulate_torques(
@@ -313,7 +315,9 @@ def by_strip(stream: Stream) -> list[Stream]:
     ]
 
 
-def _walked(level: Array, drift: float, rate: float, n: int, rng: np.random.Generator) -> Array:
+def _random_walk(
+    level: Array, drift: float, rate: float, n: int, rng: np.random.Generator
+) -> Array:
     """How a zero walks on from `level` (sensors, 3) in n samples (n, sensors, 3); `drift` in its unit a root of a second."""
     return np.asarray(
         level + np.cumsum(drift / np.sqrt(rate) * rng.normal(size=(n, *level.shape)), axis=0)
@@ -400,7 +404,7 @@ def _performance(
     return task_performance.TASKS[task](geometry), BRIDGE
 
 
-def _joined(first: Motion, second: Motion) -> Motion:
+def _join_motions(first: Motion, second: Motion) -> Motion:
     spline = first.spline
     return Motion(
         type(spline)(

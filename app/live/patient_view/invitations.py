@@ -61,7 +61,7 @@ class Invitations:
     def open(self, code: str, address: str) -> tuple[Screen, str] | None:
         """The screen of a code and its token; None for a code that is unknown, was used before or is too old."""
         with self._lock:
-            screen = self._invited.pop(_digest(_typed(code)), None)
+            screen = self._invited.pop(_digest(_normalise_code(code)), None)
             if screen is None or not self.is_due(screen):
                 return None
             token = secrets.token_urlsafe(32)
@@ -109,7 +109,7 @@ class Invitations:
         return self._clock() - screen.began <= SCREEN_LIFE
 
 
-def _typed(code: str) -> str:
+def _normalise_code(code: str) -> str:
     """A code as people type it: with spaces, hyphens and small letters."""
     return "".join(c for c in code.upper() if c.isalnum())
 

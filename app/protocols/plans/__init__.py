@@ -101,14 +101,14 @@ def named(plan: Plan) -> dict[str, Any]:
 
 def applied(plan: Plan, protocols: Mapping[str, Protocol]) -> dict[str, Protocol]:
     """The tasks with the plan's in its order as the usual assessment; tasks that are gone are left out."""
-    chosen = {t.task: _changed(protocols[t.task], t) for t in plan.tasks if t.task in protocols}
+    chosen = {t.task: _apply_plan(protocols[t.task], t) for t in plan.tasks if t.task in protocols}
     others = {
         name: replace(p, routine=False) for name, p in protocols.items() if name not in chosen
     }
     return {**chosen, **others}
 
 
-def _changed(protocol: Protocol, planned: PlannedTask) -> Protocol:
+def _apply_plan(protocol: Protocol, planned: PlannedTask) -> Protocol:
     return replace(
         protocol,
         routine=True,

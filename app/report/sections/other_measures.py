@@ -55,7 +55,7 @@ def _section(trials: Sequence[Task], language: Language, edition: Edition | None
         [_row(each, language, trials[0]) for each in figures.values()],
         [(each[0].what, each[0].part) for each in figures.values()],
     )
-    shared = _shared([row[-1] for row in rows])
+    shared = _common_reason([row[-1] for row in rows])
     below = "" if all(row[-1] == shared for row in rows) else language.say("reason.below")
     shown = [[*row[:-1], below if shared and row[-1] == shared else row[-1]] for row in rows]
     norms = [
@@ -101,7 +101,7 @@ def _section(trials: Sequence[Task], language: Language, edition: Edition | None
     }
 
 
-def _shared(reasons: Sequence[str]) -> str:
+def _common_reason(reasons: Sequence[str]) -> str:
     """The reason that stands in every row, else that of most rows where it would be read REPEATED times and more; "" where none does."""
     counts = Counter(reason for reason in reasons if reason)
     if len(reasons) < 2 or not counts:

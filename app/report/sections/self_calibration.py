@@ -164,12 +164,12 @@ def _bias(segment: str, found: Mapping[str, Any], language: Language) -> list[st
     """Segment, size of the gyroscope's bias (deg/s) and of the accelerometer's (m/s^2)."""
     return [
         language.segment(segment),
-        _sized(segment, found, "gyr", DEG, language),
-        _sized(segment, found, "acc", 1.0, language),
+        _size_words(segment, found, "gyr", DEG, language),
+        _size_words(segment, found, "acc", 1.0, language),
     ]
 
 
-def _sized(
+def _size_words(
     segment: str, found: Mapping[str, Any], which: str, factor: float, language: Language
 ) -> str:
     bias, sd = (

@@ -29,7 +29,7 @@ def trend_section(content: Content, language: Language) -> dict[str, Any] | None
         if content.changes
         else {}
     )
-    keys = _chosen([v.values for v in visits], mdc, _asked(content))
+    keys = _chosen([v.values for v in visits], mdc, _asked_figures(content))
     charts = []
     for key in keys:
         points = [(v.started, _read(key, v.values)) for v in visits if key in v.values]
@@ -64,7 +64,7 @@ def trend_section(content: Content, language: Language) -> dict[str, Any] | None
     }
 
 
-def _asked(content: Content) -> set[Key]:
+def _asked_figures(content: Content) -> set[Key]:
     """Figures of this session, of ranges those that their task asked for."""
     return {
         (t.result.measure, t.result.task, f.name)

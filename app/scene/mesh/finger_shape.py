@@ -70,7 +70,7 @@ class FingerShape:
         c, s = np.cos(phi), np.sin(phi)
         depth = np.where(s > 0, dorsal, palmar)
         return np.stack(
-            [depth * _squared(s), np.broadcast_to(t, np.shape(s + t)), breadth * _squared(c)],
+            [depth * _square_off(s), np.broadcast_to(t, np.shape(s + t)), breadth * _square_off(c)],
             axis=-1,
         )
 
@@ -93,5 +93,5 @@ def finger_shape(finger: str, geometry: HandGeometry) -> FingerShape:
     return FingerShape((0.0, float(starts[1]), float(starts[2])), float(starts[3]), half, profile)
 
 
-def _squared(x: Array) -> Array:
+def _square_off(x: Array) -> Array:
     return np.sign(x) * np.abs(x) ** (2.0 / SQUARENESS)

@@ -71,7 +71,7 @@ class HandMesh:
         """What a second, translucent hand needs to lie over the first: its fingers from their first joint, or all of it."""
         without_forearm = cut_out(self.palm, 0.3 - carried_by(self.palm, "forearm"))
         parts = (
-            {"hand": merged([*map(_opened, self.fingers.values()), without_forearm])}
+            {"hand": merged([*map(_without_base, self.fingers.values()), without_forearm])}
             if whole
             else {"fingers": merged([*self.whole_fingers.values()])}
         )
@@ -121,7 +121,7 @@ def _hand(geometry: HandGeometry) -> HandMesh:
     )
 
 
-def _opened(finger: SkinnedMesh) -> SkinnedMesh:
+def _without_base(finger: SkinnedMesh) -> SkinnedMesh:
     """A finger without its base, which lies in the palm and would show through."""
     base = np.isin(finger.faces, [*range(finger_mesh.AROUND), len(finger.vertices) - 2]).any(axis=1)
     return replace(finger, faces=finger.faces[~base])

@@ -96,7 +96,7 @@ def cut_out(mesh: SkinnedMesh, value: Array) -> SkinnedMesh:
     a, b, c = (np.take_along_axis(lone, ((odd + k) % 3)[:, None], axis=1)[:, 0] for k in range(3))
     ends = np.concatenate([np.stack([a, b], 1), np.stack([a, c], 1)])
     share = value[ends[:, 0]] / (value[ends[:, 0]] - value[ends[:, 1]])
-    on_border = [_mixed(values, ends, share) for values in (mesh.vertices, mesh.weights)]
+    on_border = [_interpolate(values, ends, share) for values in (mesh.vertices, mesh.weights)]
     ab = len(mesh.vertices) + np.arange(len(lone))
     ac, tip = ab + len(lone), inside[a]
     faces = np.concatenate(
@@ -115,6 +115,6 @@ def cut_out(mesh: SkinnedMesh, value: Array) -> SkinnedMesh:
     return SkinnedMesh(vertices, inverse.reshape(-1, 3), weights, mesh.bones)
 
 
-def _mixed(values: Array, ends: Indices, share: Array) -> Array:
+def _interpolate(values: Array, ends: Indices, share: Array) -> Array:
     mixed: Array = values[ends[:, 0]] + share[:, None] * (values[ends[:, 1]] - values[ends[:, 0]])
     return mixed

@@ -116,13 +116,13 @@ def merge_places(places: Sequence[Unknowns]) -> HandPlace:
     first = places[0].q_GS[:, 0]
     off = np.mean([quat.log(quat.relative(first, at.q_GS[:, 0])) for at in places], axis=0)
     hand = quat.normalize(quat.multiply(first, quat.exp(off)))
-    carried, F = tuple(_carried(at, hand, places) for at in places), len(places)
+    carried, F = tuple(_carry_over(at, hand, places) for at in places), len(places)
     return HandPlace(
         carried, np.zeros((len(first), 3)), np.zeros((F, 3)), np.zeros((F, 3)), np.zeros(F)
     )
 
 
-def _carried(at: Unknowns, hand: Array, places: Sequence[Unknowns]) -> Unknowns:
+def _carry_over(at: Unknowns, hand: Array, places: Sequence[Unknowns]) -> Unknowns:
     onto = quat.multiply(hand, quat.conjugate(at.q_GS[:, 0]))
     found = replace(
         at,

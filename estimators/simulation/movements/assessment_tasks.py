@@ -121,7 +121,7 @@ def _alone(finger: str) -> dict[str, float]:
     return found
 
 
-def _opposed(
+def _opposition(
     flexion: float, deviation: float, pronation: float, mcp: float, ip: float, **fingers: float
 ) -> dict[str, float]:
     thumb = zip(
@@ -138,7 +138,7 @@ def _met(finger: str, across: int) -> dict[str, float]:
         f"{finger}_pip_flexion": 45.0,
         f"{finger}_dip_flexion": 25.0,
     }
-    return _opposed(
+    return _opposition(
         35.0 + 5 * across, -20.0 + 5 * across, 75.0 + 5 * across, 15.0 + 5 * across, 20.0, **bent
     )
 
@@ -147,17 +147,17 @@ ROUNDS: Mapping[str, Round] = {
     "finger_independence": Round({f: _alone(f) for f in FINGERS}, {}, 4.0, 1.4, 3),
     "kapandji": Round(
         {
-            "position_1": _opposed(10.0, -12.0, 60.0, 5.0, 25.0),
-            "position_2": _opposed(15.0, -12.0, 65.0, 5.0, 5.0, index_pip_flexion=20.0),
+            "position_1": _opposition(10.0, -12.0, 60.0, 5.0, 25.0),
+            "position_2": _opposition(15.0, -12.0, 65.0, 5.0, 5.0, index_pip_flexion=20.0),
             **{f"position_{k + 3}": _met(f, k) for k, f in enumerate(FINGERS[1:])},
-            "position_7": _opposed(
+            "position_7": _opposition(
                 52.0, -2.0, 92.0, 35.0, 30.0, little_mcp_flexion=35.0, little_pip_flexion=35.0
             ),
-            "position_8": _opposed(
+            "position_8": _opposition(
                 52.0, 2.0, 95.0, 42.0, 40.0, little_mcp_flexion=25.0, little_pip_flexion=20.0
             ),
-            "position_9": _opposed(48.0, 6.0, 98.0, 48.0, 55.0, little_mcp_flexion=10.0),
-            "position_10": _opposed(45.0, 10.0, 100.0, 50.0, 60.0),
+            "position_9": _opposition(48.0, 6.0, 98.0, 48.0, 55.0, little_mcp_flexion=10.0),
+            "position_10": _opposition(45.0, 10.0, 100.0, 50.0, 60.0),
         },
         {"thumb_cmc_flexion": 30.0, "thumb_cmc_deviation": -30.0, "thumb_cmc_pronation": 65.0},
         3.0,

@@ -75,7 +75,7 @@ def fingertips_on_table(
     posture = guess
     for finger, pulp in zip(FINGERS, pulps):
         above = lifted.get(finger, 0.0)
-        posture = _solved(posture, finger, partial(height_above, finger, pulp + above))
+        posture = _solve_posture(posture, finger, partial(height_above, finger, pulp + above))
     words = " ".join(f"{f}_bottom-table_top" for f in FINGERS)
     return _held_in_turn([(words, posture)], held, between)
 
@@ -107,7 +107,7 @@ def fingertips_on_palm(
             else {f"{finger}_{name}": a for name, a in IN_PALM.items()}
         )
         start = make_posture(relaxed(), **bent)
-        posture = _solved(start, finger, partial(beside, finger, place))
+        posture = _solve_posture(start, finger, partial(beside, finger, place))
         holds.append((f"{finger}_bottom-palm_{below}", posture))
     return _held_in_turn(holds, held, between)
 
@@ -129,7 +129,7 @@ def _up(geometry: HandGeometry) -> Array:
     return side_sign(geometry.hand) * np.array([1.0, 0.0, 0.0])
 
 
-def _solved(x: Array, finger: str, miss: Callable[[Array], Array]) -> Array:
+def _solve_posture(x: Array, finger: str, miss: Callable[[Array], Array]) -> Array:
     """The posture (54,) nearest to x, within natural joint ranges, in which a finger misses nothing (m)."""
     free = freedoms(finger)
     columns = np.array([COORDINATES[name] for name, _, _ in free])

@@ -27,8 +27,8 @@ def read_mvnx(path: Path) -> NumberColumns:
         root = ET.parse(path).getroot()
     except (ET.ParseError, OSError, ValueError) as problem:
         raise InputError("import.mvnx_unreadable", name=path.name, problem=str(problem)) from None
-    segments = [str(s.get("label")) for s in _named(root, "segment")]
-    frames = [f for f in _named(root, "frame") if f.get("type") == "normal"]
+    segments = [str(s.get("label")) for s in _find_all(root, "segment")]
+    frames = [f for f in _find_all(root, "frame") if f.get("type") == "normal"]
     if not segments or not frames:
         raise InputError("import.mvnx_without_movement", name=path.name)
     names = [name for s in segments for name in _columns(BODY.get(s, ""))]
@@ -42,7 +42,7 @@ def read_mvnx(path: Path) -> NumberColumns:
     return NumberColumns(path.name, ("time [ms]", *names), np.array(rows))
 
 
-def _named(root: ET.Element, name: str) -> Iterator[ET.Element]:
+def _find_all(root: ET.Element, name: str) -> Iterator[ET.Element]:
     """Elements of a name, whatever namespace the file declares."""
     return (e for e in root.iter() if e.tag.rpartition("}")[2] == name)
 
@@ -52,7 +52,7 @@ def _columns(segment: str) -> list[str]:
 
 
 def _text(frame: ET.Element, name: str) -> str:
-    return next((e.text or "" for e in _named(frame, name)), "")
+    return next((e.text or "" for e in _find_all(frame, name)), "")
 
 
 def _numbers(frame: ET.Element, name: str, count: int, file: str) -> list[float]:

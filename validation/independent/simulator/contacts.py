@@ -20,7 +20,7 @@ from handscope.validation.independent.simulator.free_movement import (
     Movement,
     Setup,
     _body,
-    _jointed,
+    _joint_rotations,
     _rng,
     after_pose,
     free,
@@ -94,7 +94,7 @@ def _pinches(setup: Setup, body: Body, rng: np.random.Generator) -> list[_Hold]:
         def missed(pads: Mapping[str, Array], f: str = finger, off: Array = beside) -> Array:
             return pads["thumb"] - pads[f] - off
 
-        angles = _solved(setup, body, thick, "pinch", ("thumb", finger), missed)
+        angles = _solve_angles(setup, body, thick, "pinch", ("thumb", finger), missed)
         found.append(_Hold(f"thumb_bottom-{finger}_bottom", angles))
     return found
 
@@ -104,7 +104,7 @@ def _table(setup: Setup, body: Body, rng: np.random.Generator) -> list[_Hold]:
     assert setup.missed is not None
     thick, tilt = _thick(rng), TILT * rng.normal(size=2)
     wrist = after_pose(setup, setup.missed, free(setup)).wrist(np.zeros(1))
-    level = _jointed(wrist)[0] if setup.forearm else np.eye(3)  # the forearm is level
+    level = _joint_rotations(wrist)[0] if setup.forearm else np.eye(3)  # the forearm is level
     angles: dict[str, Array] = {}
     for finger in CHAINS:
 
@@ -112,7 +112,7 @@ def _table(setup: Setup, body: Body, rng: np.random.Generator) -> list[_Hold]:
             x, y, z = setup.side * level @ pads[f]
             return np.array([x + 0.06 - tilt @ (y, z)])
 
-        one = _solved(setup, body, thick, "table", (finger,), missed, straight_down=True)
+        one = _solve_angles(setup, body, thick, "table", (finger,), missed, straight_down=True)
         angles[finger] = one[finger]
     return [_Hold(" ".join(f"{f}_bottom-table_top" for f in CHAINS), angles)]
 
@@ -127,7 +127,7 @@ def _palm(setup: Setup, body: Body, rng: np.random.Generator) -> list[_Hold]:
         def missed(pads: Mapping[str, Array], f: str = finger, at: Array = mark) -> Array:
             return pads[f] - at
 
-        angles = _solved(setup, body, thick, "palm", (finger,), missed, into_palm=True)
+        angles = _solve_angles(setup, body, thick, "palm", (finger,), missed, into_palm=True)
         found.append(_Hold(f"{finger}_bottom-palm_{below}", angles))
     return found
 
@@ -143,7 +143,7 @@ def _thick(rng: np.random.Generator) -> dict[str, float]:
     return {f: m + THICK_SD * rng.normal() for f, m in THICK.items()}
 
 
-def _solved(
+def _solve_angles(
     setup: Setup,
     body: Body,
     thick: Mapping[str, float],
@@ -196,7 +196,7 @@ def _pad(
     """The pad (3,) in the hand's frame from the wrist: below the bone's end, or of a ball about it in a direction."""
     R, end = np.eye(3), body.roots[finger]
     for segment, turn in zip(CHAINS[finger], angles):
-        R = R @ _jointed(turn[None])[0]
+        R = R @ _joint_rotations(turn[None])[0]
         end = end + R @ (setup.side * np.array([0.0, body.lengths[segment], 0.0]))
     below = R @ (setup.side * np.array([-1.0, 0.0, 0.0]))
     return np.asarray(end + thick * (below if towards is None else towards))

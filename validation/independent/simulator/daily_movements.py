@@ -94,7 +94,7 @@ def _swaying(rng: np.random.Generator, level: float, size: float) -> Course:
     return lambda t: level + sway(t)[:, 0]
 
 
-def _relaxed(rng: np.random.Generator) -> dict[str, Course]:
+def _relaxed_hand(rng: np.random.Generator) -> dict[str, Course]:
     """Every finger as it hangs, and sways a little."""
     return {f: _swaying(rng, rng.normal(0.3, 0.05), 0.003) for f in CHAINS}
 
@@ -117,7 +117,7 @@ def _together(
     rng: np.random.Generator, fingers: Sequence[str], hz: float, least: float, most: float
 ) -> dict[str, Course]:
     """Fingers that open and close, almost at once."""
-    made, phase = _relaxed(rng), _cycles(rng, hz)
+    made, phase = _relaxed_hand(rng), _cycles(rng, hz)
     for f in fingers:
         late, size = rng.normal(0.0, SPREAD), 0.5 * (most - least) * rng.uniform(0.9, 1.05)
         made[f] = _wave(phase, late, least + size, size)
@@ -142,7 +142,7 @@ def _fast_fist(rng: np.random.Generator, setup: Setup) -> Hand:
 
 def _one_by_one(rng: np.random.Generator, setup: Setup) -> Hand:
     """Each finger in turn, the neighbours coming along a little."""
-    relaxed, order, long = _relaxed(rng), list(CHAINS), 1.6
+    relaxed, order, long = _relaxed_hand(rng), list(CHAINS), 1.6
     bumps = []
     for k in range(len(order)):
         turn = np.arange(k, 60, len(order), dtype=float) + rng.uniform(-0.1, 0.1)
@@ -156,7 +156,7 @@ def _one_by_one(rng: np.random.Generator, setup: Setup) -> Hand:
 
 def _drumming(rng: np.random.Generator, setup: Setup) -> Hand:
     """Fingers on a table one after the other."""
-    made, gap = _relaxed(rng), rng.uniform(0.09, 0.16)
+    made, gap = _relaxed_hand(rng), rng.uniform(0.09, 0.16)
     for k, f in enumerate(("little", "ring", "middle", "index")):
         starts = BEGUN + 0.3 + 0.9 * np.arange(60.0) + gap * k
         made[f] = _sum((1.0, made[f]), (0.25, _bumps(starts, 0.35)))
@@ -173,7 +173,7 @@ def _bumps(starts: Array, long: float) -> Course:
 
 def _opposing(rng: np.random.Generator, setup: Setup) -> Hand:
     """The thumb to every finger in turn."""
-    made, long = _relaxed(rng), 1.4
+    made, long = _relaxed_hand(rng), 1.4
     every = BEGUN + 0.5 + long * np.arange(60.0)
     for k, f in enumerate(FINGERS):
         made[f] = _sum((1.0, made[f]), (0.35, _bumps(every[k::4], long)))
@@ -185,7 +185,7 @@ def _turning(axis: int, size: float, hz: float) -> Callable[[np.random.Generator
     def make(rng: np.random.Generator, setup: Setup) -> Hand:
         phase, sway, reach = _cycles(rng, hz), _slow(rng, 3, SHAKY[1]), size * rng.uniform(0.8, 1.1)
         return Hand(
-            _relaxed(rng),
+            _relaxed_hand(rng),
             lambda t: sway(t) + reach * np.sin(phase(t))[:, None] * np.eye(3)[axis],
             _slow(rng, 3, 5e-3),
         )
@@ -208,7 +208,7 @@ def _reaching(rng: np.random.Generator, setup: Setup) -> Hand:
 
 
 def _resting(rng: np.random.Generator, setup: Setup) -> Hand:
-    return Hand(_relaxed(rng), **_held(rng))
+    return Hand(_relaxed_hand(rng), **_held(rng))
 
 
 def _held_object(rng: np.random.Generator, setup: Setup) -> Hand:
@@ -219,7 +219,7 @@ def _held_object(rng: np.random.Generator, setup: Setup) -> Hand:
 
 def _trembling(hz: float, size: float) -> Callable[[np.random.Generator, Setup], Hand]:
     def make(rng: np.random.Generator, setup: Setup) -> Hand:
-        relaxed, phase, closing = _relaxed(rng), _cycles(rng, hz), {}
+        relaxed, phase, closing = _relaxed_hand(rng), _cycles(rng, hz), {}
         for f in CHAINS:
             late = rng.uniform(-0.6, 0.6) / (2 * np.pi * hz)
             trembles = _wave(phase, late, 0.0, size * rng.uniform(0.4, 1.0))

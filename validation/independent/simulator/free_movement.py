@@ -359,7 +359,7 @@ def _about(axis: int, angle: Array) -> Array:
     return Rotation.from_rotvec(angle[:, None] * np.eye(3)[axis]).as_matrix()
 
 
-def _jointed(angles: Array) -> Array:
+def _joint_rotations(angles: Array) -> Array:
     """Rotations (n, 3, 3) of a child on its parent, z-x'-y''."""
     return _about(2, angles[:, 0]) @ _about(0, angles[:, 1]) @ _about(1, angles[:, 2])
 
@@ -369,19 +369,19 @@ def _rigid_motion(R: Array, v: Array) -> Array:
     return np.asarray(np.einsum("nij,nj->ni", R, np.broadcast_to(v, (len(R), 3))))
 
 
-def _posed(
+def _segment_poses(
     setup: Setup, body: Body, movement: Movement, t: Array
 ) -> Iterator[tuple[str, Array, Array]]:
     """Every segment with its orientation (n, 3, 3) and its origin (n, 3) m in the world."""
     R, wrist = movement.turns(t), movement.wanders(t)
     yield "forearm", R, wrist
     if setup.forearm:
-        R = R @ _jointed(movement.wrist(t))
+        R = R @ _joint_rotations(movement.wrist(t))
     yield "hand", R, wrist + _rigid_motion(R, body.roots["middle"])
     for finger in setup.fingers:
         on, end = R, wrist + _rigid_motion(R, body.roots[finger])
         for s, angles in zip(CHAINS[finger], np.moveaxis(movement.angles[finger](t), 1, 0)):
-            on = on @ _jointed(angles)
+            on = on @ _joint_rotations(angles)
             end = end + _rigid_motion(on, setup.side * np.array([0.0, body.lengths[s], 0.0]))
             yield s, on, end
 
@@ -395,7 +395,7 @@ def _true_values(
     }
     if setup.forearm:
         angles["wrist"] = movement.wrist(t)
-    at = {s: (R, p) for s, R, p in _posed(setup, body, movement, t)}
+    at = {s: (R, p) for s, R, p in _segment_poses(setup, body, movement, t)}
     R, wrist = at["forearm"]
     return angles, {
         f: np.einsum("nji,nj->ni", R, at[CHAINS[f][-1]][1] - wrist) for f in setup.fingers
@@ -431,7 +431,7 @@ LAWS = {
 }  # rad of bending that skin follows
 
 
-def _pulled(
+def _skin_displacement(
     setup: Setup, body: Body, movement: Movement, segment: str, t: Array
 ) -> tuple[Array, Array]:
     """How skin has turned (n, 3) rad and slid (n, 3) m the sensor on a segment."""
@@ -458,7 +458,7 @@ def _around(setup: Setup, body: Body, movement: Movement, t: Array) -> list[_Pos
 
 
 def _posture(setup: Setup, body: Body, movement: Movement, t: Array) -> _Posture:
-    return _Posture(t, {s: (R, p) for s, R, p in _posed(setup, body, movement, t)})
+    return _Posture(t, {s: (R, p) for s, R, p in _segment_poses(setup, body, movement, t)})
 
 
 def _worn(
@@ -466,7 +466,7 @@ def _worn(
 ) -> tuple[Array, Array]:
     """Orientation (n, 3, 3) and place (n, 3) m of a sensor in the world."""
     t, (R, p) = posture.t, posture.segments[segment]
-    turn, slide = _pulled(setup, body, movement, segment, t)
+    turn, slide = _skin_displacement(setup, body, movement, segment, t)
     return R @ body.mountings[segment].as_matrix() @ Rotation.from_rotvec(
         turn
     ).as_matrix(), p + _rigid_motion(R, body.places[segment] + slide)

@@ -85,11 +85,11 @@ class Hand:
         """Angles (n, 9) that bring the pads to distances (n,), one facing the other."""
         low, high = float(distance.min()), float(distance.max())
         if high - low < 1e-6:
-            return np.repeat(self._closed(np.array([low])), len(distance), axis=0)
+            return np.repeat(self._close_to(np.array([low])), len(distance), axis=0)
         knots = np.linspace(low - 1e-3, high + 1e-3, KNOTS)
-        return np.asarray(make_interp_spline(knots, self._closed(knots), k=5)(distance))
+        return np.asarray(make_interp_spline(knots, self._close_to(knots), k=5)(distance))
 
-    def _closed(self, distances: Values) -> Values:
+    def _close_to(self, distances: Values) -> Values:
         found, x = [], GRASP
         for wanted in distances:
 

@@ -96,7 +96,7 @@ def pinched(held: Held, side: str, rng: np.random.Generator) -> Pinch:
     t = np.arange(0, when.ends + 3.0, 1 / RATE)
     distance = _distance(held, when, t, rng)
     phalanges = hand.rotations(_angles(hand, when, t, distance, rng))
-    q_hand, place = _carried(side, when, t, rng)
+    q_hand, place = _carry(side, when, t, rng)
     ends, thumb, index = hand.ends(phalanges)
     pads = [place + q_hand.apply(pad) for pad in (thumb, index)]
     forces = _forces(held, when, t, pads, rng)
@@ -160,9 +160,7 @@ def _angles(
     return np.asarray(angles * bent + (1 - bent) * np.radians(MISSED) * rng.uniform(-1, 1, 9))
 
 
-def _carried(
-    side: str, when: Times, t: Values, rng: np.random.Generator
-) -> tuple[Rotation, Values]:
+def _carry(side: str, when: Times, t: Values, rng: np.random.Generator) -> tuple[Rotation, Values]:
     """The hand against the ground, and the place of its wrist (n, 3)."""
     off = during(t, when.rises, when.sinks + when.lasts, when.lasts)
     place = np.stack([off * 0.02 * wandering(rng, t, 0.2, 0.7) for _ in range(3)], axis=1)

@@ -80,7 +80,7 @@ class Listener:
             except ConnectionError:
                 continue  # a tracker that we answered is gone
             found += self._take(datagram, address, self._came(waited))
-        return _joined(found)
+        return _join_samples(found)
 
     def take_originals(self) -> Sequence[Original]:
         """None: of packets only what is read is kept."""
@@ -138,11 +138,13 @@ class Listener:
                 self._place(f"{mac}/{packet.sensor}", packet.position)
             case packets.Rotation():
                 values = dict(zip(("qw", "qx", "qy", "qz"), packet.q))
-                yield from self._measured(f"{mac}/{packet.sensor}", values, now)
+                yield from self._take_sample(f"{mac}/{packet.sensor}", values, now)
             case packets.Raw():
                 names = [q + c for q in "gam" for c in "xyz"]
                 numbers = (*packet.gyr, *packet.acc, *packet.mag)
-                yield from self._measured(f"{mac}/{packet.sensor}", dict(zip(names, numbers)), now)
+                yield from self._take_sample(
+                    f"{mac}/{packet.sensor}", dict(zip(names, numbers)), now
+                )
             case packets.Tap():
                 details = {"note": "tap", "tracker": f"{mac}/{packet.sensor}"}
                 yield Occurred(now, "annotation", details)
@@ -161,7 +163,9 @@ class Listener:
         if self._sets is None and place is not None and self._hand in (None, place[0]):
             self._hand, self._places[sensor] = place
 
-    def _measured(self, sensor: str, values: Mapping[str, float], now: int) -> Iterator[Measured]:
+    def _take_sample(
+        self, sensor: str, values: Mapping[str, float], now: int
+    ) -> Iterator[Measured]:
         for channels in self._channels(sensor):
             names = [str(label).rsplit("/", 1)[1] for label in channels.labels]
             if all(n in values for n in names):
@@ -226,7 +230,7 @@ def _by_sensor(columns: ColumnMap | None) -> dict[str, list[ChannelSet]] | None:
     return found
 
 
-def _joined(arrived: Sequence[Arrived]) -> list[Arrived]:
+def _join_samples(arrived: Sequence[Arrived]) -> list[Arrived]:
     """Samples of the same stream that came together as one piece, at increasing times."""
     together: dict[tuple[object, ...], list[Measured]] = {}
     rest: list[Arrived] = []

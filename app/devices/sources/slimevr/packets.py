@@ -104,14 +104,14 @@ def packets_of(datagram: bytes) -> Iterator[Packet]:
     number_of(datagram)
     kind, body = HEAD.unpack_from(datagram)[0], datagram[HEAD.size :]
     if kind == BUNDLE:
-        yield from _bundled(body, ">H", ">I")
+        yield from _inner_packets(body, ">H", ">I")
     elif kind == COMPACT_BUNDLE:
-        yield from _bundled(body, ">B", ">B")
+        yield from _inner_packets(body, ">B", ">B")
     else:
         yield from _packet(kind, body)
 
 
-def _bundled(body: bytes, size_format: str, kind_format: str) -> Iterator[Packet]:
+def _inner_packets(body: bytes, size_format: str, kind_format: str) -> Iterator[Packet]:
     """Inner packets: a size, a type, fields."""
     head, inner = struct.Struct(size_format), struct.Struct(kind_format)
     at = 0
