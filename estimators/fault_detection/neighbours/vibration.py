@@ -79,8 +79,10 @@ class Vibration:
     def is_odd(self, joint: Joint) -> bool:
         """Whether several windows leave more than noise without a delay."""
         a, b = (self._signal(joint, s, at_no_lag=True).at(0) for s in joint)
-        odd = (_difference(a, b) > ODD * self.noise(joint)) & self.pairs.use(*joint)
-        return bool(np.count_nonzero(odd) >= paired_test.FEWEST)
+        left, use = _difference(a, b), self.pairs.use(*joint)
+        if np.count_nonzero((left > ODD * NOISE**2) & use) < paired_test.FEWEST:
+            return False
+        return bool(np.count_nonzero((left > ODD * self.noise(joint)) & use) >= paired_test.FEWEST)
 
     def left_by(self, joint: Joint, step: int) -> Array:
         """What is left over (K,), mean square of an axis, with the child's readings taken later by so many steps."""

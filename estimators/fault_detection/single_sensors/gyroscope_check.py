@@ -48,7 +48,11 @@ LEAST_GAIN = 0.2  # and its inverse: gains beyond are told as something else
 LARGEST = 0.9  # of a matrix that is off without a name
 TIED = 3.0  # log-likelihood by which rivals may be worse than the best ...
 NEARLY = 0.2  # ... beside this share of it
-ROUNDS, SMALL = 6, 0.01  # of corrections until they are small
+ROUNDS, SMALL = 3, 0.01  # of corrections until they are small
+FURTHER, FAR = (
+    6,
+    0.3,
+)  # rounds where a matrix is that far off, as of a gyroscope that is turned in its sensor
 IDENTITY = np.eye(3)
 GAIN = IDENTITY.reshape(9, 1) / np.sqrt(3.0)
 AXIS_GAINS = tuple(np.diag(IDENTITY[k]).reshape(9, 1) for k in range(3))
@@ -218,11 +222,16 @@ def _continuous(own: Cells, right: Information, gains: Array) -> Iterator[Verdic
     parts = stretches(chains)
     for stretch in parts:
         as_it_is, span = right.part(stretch), (stretch.start, stretch.stop)
-        begin = STARTS[int(np.argmax(gains[:, stretch].sum(axis=1)))]
+        by_start = gains[:, stretch].sum(axis=1)
+        is_hopeful = by_start.max() - by_start[0] > HOPEFUL
+        begin = STARTS[int(np.argmax(by_start))] if is_hopeful else 1.0
         none = fit(as_it_is)
         for code, values, prior in FAMILIES:
             free = fit(as_it_is, prior)
-            far = begin != 1.0 and code in ("gyroscope_gain", "gyroscope_axis_gain")
+            is_whole = stretch.stop - stretch.start == chains
+            far = begin != 1.0 and (
+                code == "gyroscope_gain" or (code == "gyroscope_axis_gain" and is_whole)
+            )
             if free.evidence[0] <= none.evidence[0] and not far:
                 continue
             weight = _weight(code, stretch, chains, len(parts))
@@ -233,7 +242,10 @@ def _continuous(own: Cells, right: Information, gains: Array) -> Iterator[Verdic
                 continue
             at_gain = IDENTITY + (begin - 1.0) * _along(values)
             M, information = at_gain if far else IDENTITY + free.matrix[0], as_it_is
-            for _ in range(ROUNDS):
+            for k in range(FURTHER):
+                is_matrix = code == "gyroscope_matrix"
+                if k >= ROUNDS and not (is_matrix and np.abs(M - IDENTITY).max() > FAR):
+                    break
                 information = information_of(windows_of(own, M, chains=stretch))
                 step = fit(information, prior).matrix[0]
                 if np.abs(step).max() < SMALL:
