@@ -22,6 +22,7 @@ from tests.journeys.house import (
 )
 
 pytestmark = pytest.mark.browser
+KEY = re.compile(r"(?<![\w./-])[a-z]+\d*(?:_[a-z0-9]+)+(?![\w./-])|\d deg\b")
 COUNT_AND_SWITCH = """() => {
   const [count, sound] = [".metronome .count", ".cues .sound"].map((part) => document.querySelector(part).getBoundingClientRect());
   return { count: count.toJSON(), switch: sound.toJSON() };
@@ -59,6 +60,7 @@ def test_from_a_new_patient_to_a_report(page: Page, server: Server, tmp_path: Pa
     shown(page.get_by_text("Moving: index finger"))
     expect(page.get_by_text("Not followed yet")).to_be_visible()
     keep_picture(page, "station-connect")
+    _shows_no_key(page)
     act(page, "continue").click()
 
     shown(act(page, "start"))
@@ -71,11 +73,13 @@ def test_from_a_new_patient_to_a_report(page: Page, server: Server, tmp_path: Pa
     shown(act(page, "accept"))
     expect(page.get_by_text("Not followed yet")).to_be_hidden()
     keep_picture(page, "station-review")
+    _shows_no_key(page)
     expect(act(page, "onward")).to_be_focused()
     act(page, "accept").click()
 
     shown(page.get_by_role("button", name="Next: Fist and stretch"))
     keep_picture(page, "station-tasks")
+    _shows_no_key(page)
     _perform(page, "rom_fist", "now")
     _skip(page, "rom_spread", "Pain")
     taps = _perform(page, "tapping", "taps")
@@ -122,9 +126,19 @@ def _review(page: Page) -> None:
     shown(page.locator(".frozen canvas"))
     shown(page.locator(".trial-review [role=status] p"))
     keep_picture(page, "station-keep")
+    _shows_no_key(page)
+    expect(page.locator(".actions .primary")).to_be_in_viewport(ratio=1)  # without scrolling
     again = page.locator("[data-again]")
     again.click()
     expect(again).to_be_disabled()
+
+
+def _shows_no_key(page: Page) -> None:
+    """Whatever is folded is opened for it, and closed again."""
+    opened = "(is) => document.querySelectorAll('.panel details').forEach((one) => (one.open = is))"
+    page.evaluate(opened, True)
+    assert KEY.findall(page.evaluate("document.body.innerText")) == []
+    page.evaluate(opened, False)
 
 
 def _turn_the_view(page: Page) -> None:
