@@ -1,10 +1,10 @@
 """Initial values from the readings alone: fusion of each sensor, then by joint the heading and the arms that make both accelerations of its centre agree.
 
-In      even readings of a chain's sensors; about what the nominal mounting has each flex its segment
-Out     where the solver begins
+In      even readings of a chain's sensors; nominal flexion axes in the sensors' frames
+Out     the solver's initial unknowns
 Source  orientations: VQF, offline variant, Laidig & Seel 2023; arms: linear least squares as Seel et al. 2012, IEEE MSC, 45, for each of many headings;
         axes of hinges: the pair of directions that stays together best, by SVD
-Limits  beside a sensor that does not turn one heading is as good as another: there the nominal mounting speaks
+Limits  beside a sensor that does not turn the heading is unobservable: it is the nominal mounting's there
 """
 
 import numpy as np
@@ -21,7 +21,7 @@ MOUNTED = 0.05  # share of the residual by which a heading square to the nominal
 
 
 def initial_unknowns(chain: Chain, noise: Noise, readings: Readings, flexing: Array) -> Unknowns:
-    """Where to begin; `flexing` (S, 3) is nominal, in the sensors' frames."""
+    """Initial unknowns; `flexing` (S, 3) are the nominal flexion axes in the sensors' frames."""
     q_GS, bias = fuse_sensors(readings)
     far, near = np.zeros((len(chain.joints), 3)), np.zeros((len(chain.joints), 3))
     for k, (i, j) in enumerate(zip(chain.parents, chain.children)):
@@ -67,7 +67,7 @@ def fuse_sensors(readings: Readings) -> tuple[Array, Array]:
 def fit_joint(
     noise: Noise, readings: Readings, q_GS: Array, i: int, j: int, flexing: Array
 ) -> tuple[float, float, Array, Array]:
-    """Residual (sum of squares), the turn of j about the vertical, and the arms in the frames of i and j with which both see the same movement of their joint."""
+    """Residual (sum of squares), the turn of j about the vertical, and the arms in the frames of i and j for which the accelerations of their joint agree."""
     (A_i, f_i), (A_j, f_j) = (_acceleration_by_arm(readings, q_GS[:, s], s) for s in (i, j))
     # (n-2, 3, 4): by the arm, and without it
     M_i, M_j = (np.concatenate([A, f[..., None]], axis=2) for A, f in ((A_i, f_i), (A_j, f_j)))
@@ -105,7 +105,7 @@ def common_axis(q_Gi: Array, q_Gj: Array) -> tuple[Array, Array]:
 
 
 def _acceleration_by_arm(readings: Readings, q: Array, s: int) -> tuple[Array, Array]:
-    """What a joint's acceleration is of the arm (n-2, 3, 3), and without it (n-2, 3)."""
+    """A joint's acceleration: its derivative by the arm (n-2, 3, 3), and the part without the arm (n-2, 3)."""
     R = quat.matrix(q)
     f = np.einsum("tij,tj->ti", R, readings.acc[:, s])
     mean = NUMEROV[0] * f[:-2] + NUMEROV[1] * f[1:-1] + NUMEROV[2] * f[2:]

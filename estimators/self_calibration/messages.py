@@ -22,7 +22,7 @@ from handscope.estimators.self_calibration.sample_preparation import DOUBTFUL, L
 from handscope.estimators.self_calibration.solver import Solution
 
 ROUNDED = 0.05  # s, rounding of durations in messages
-LEFT_OUT = 3.0  # s of a recording that are not worth a word
+LEFT_OUT = 3.0  # s of a recording: a shorter part that is left out is not reported
 LACKING = 0.15  # share of missing rates from which on they are named as the reason of a failure
 LOST = 0.25  # of DOUBTFUL: a mean of samples of which at least so many are bridged, at the slowest rates, too
 NAMED = 3  # sensors with most gaps
@@ -59,7 +59,7 @@ def require_samples(asked: Requirements, duration: float, holes: Sequence[Gap]) 
 
 
 def describe_stretch(start: float, stop: float, whole: float) -> list[str]:
-    """Which part of a longer recording, s, speaks."""
+    """Which part of a longer recording is used, s."""
     messages: list[str] = []
     if stop - start < whole - LEFT_OUT:
         messages.append(phrase("self_calibration.found_stretch", start=start, stop=stop))
@@ -69,7 +69,7 @@ def describe_stretch(start: float, stop: float, whole: float) -> list[str]:
 def describe_silent_sensors(finger: str, silent: Sequence[str], clipped: bool) -> list[str]:
     """What a finger loses by its silent sensors (the first one and those behind it); InputError where nothing is left.
 
-    `clipped`: the first is silent for it was at its limit all the time.
+    `clipped`: the first is silent because it was at its limit all the time.
     """
     if not silent:
         return []
@@ -121,7 +121,7 @@ def require_movement(asked: Requirements, finger: str, read: Readings) -> None:
 def require_one_minimum(
     asked: Requirements, finger: str, read: Readings, solution: Solution, start_time: float = 0.0
 ) -> None:
-    """InputError where a gyroscope was at its limit or knocked too often, a sensor slipped, or the solver did not come to an end: what was found then is of no hand.
+    """InputError where a gyroscope was at its limit or knocked too often, a sensor slipped, or the solver did not converge: its estimate is then no hand's.
 
     `start_time` (s): of the readings' first sample.
     """
@@ -197,7 +197,7 @@ def _require_calm(finger: str, solution: Solution, start_time: float) -> None:
 
 
 def _require_rates(finger: str, read: Readings, solution: Solution) -> None:
-    """InputError where the reason is that gyroscopes turned faster than they can tell."""
+    """InputError where the reason is that sensors turned faster than their gyroscopes can measure."""
     lacking = (read.gyr_doubt > LOST * DOUBTFUL).mean(axis=0)
     worst = int(np.argmax(lacking))
     if lacking[worst] > LACKING:
@@ -228,7 +228,7 @@ def _require_order(finger: str, read: Readings, problem: Problem) -> None:
 
 
 def describe_result(asked: Requirements, finger: Finger) -> list[str]:
-    """What a person should know of the result."""
+    """Messages about the result: what was not observable, which priors it contradicts."""
     solution, messages = finger.solution, []
     stiff = self_calibration_result.stiff_joints(asked, solution)
     beside_stiff = {
@@ -273,7 +273,7 @@ def describe_result(asked: Requirements, finger: Finger) -> list[str]:
 
 
 def describe_misfit(finger: Finger, joint: int, misfit: float) -> list[str]:
-    """Where a finger moves otherwise than by what is assumed and by errors of single samples: `misfit` beyond 1, most at one of its joints."""
+    """A message where the movement of a finger contradicts the model by more than independent errors explain: `misfit` above 1, largest at one of its joints."""
     if misfit <= 1.0:
         return []
     links = finger.solution.problem.chain
@@ -348,7 +348,7 @@ def _describe_frequent_impacts(
 
 
 def _merge_moments(times: Sequence[float]) -> list[float]:
-    """Instants (s) in their order; those that are one knock count once."""
+    """Instants (s) in order; those of one impact count once."""
     solution: list[float] = []
     for t in sorted(times):
         if not solution or t - solution[-1] > MOMENT:
@@ -357,7 +357,7 @@ def _merge_moments(times: Sequence[float]) -> list[float]:
 
 
 def _describe_wrong_priors(problem: Problem) -> list[str]:
-    """What was given and is not so."""
+    """Declared values that the estimate contradicts."""
     messages = []
     for name, mounting_sd, length, length_sd in zip(
         problem.chain.sensors, problem.mounting_sd, problem.length, problem.length_sd

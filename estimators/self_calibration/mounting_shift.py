@@ -2,7 +2,7 @@
 
 In      a Solution of the whole stretch, its Readings
 Out     sensors whose joints lie elsewhere, or whose hinges point elsewhere, in the second half than in the first
-Source  ours: a test for a break (Chow 1960, Econometrica 28) by the places that either half finds, in their standard deviations
+Source  ours: a test for a structural break (Chow 1960, Econometrica 28): difference of the estimates of both halves in its standard deviations
 Limits  smaller shifts than SHIFTED and TILTED are not reported; skin that moves with the joint is no shift
 """
 
@@ -33,7 +33,7 @@ FROM_SCRATCH = Limits(iterations=20, least_gain=0.5)  # where the whole has no m
 
 @dataclass(frozen=True)
 class MountingShift:
-    """A sensor that sat differently in the second half."""
+    """A sensor whose mounting differs in the second half."""
 
     sensor: str
     shift: float  # m, of a joint's centre in the sensor's frame
@@ -77,7 +77,7 @@ def find_mounting_shifts(solution: Solution, read: Readings) -> list[MountingShi
 
 def _solve_half(solution: Solution, first: int, stop: int) -> Solution:
     q_GS = solution.at.q_GS[first:stop]
-    # headings are free: nothing is to be turned back to where the whole began
+    # the heading is unobservable: it begins as in the whole at this sample
     part = replace(_slice_problem(solution.problem, first, stop), start=q_GS[0])
     return _solve_with_covariance(part, replace(solution.at, q_GS=q_GS), STEPS)
 
@@ -113,7 +113,7 @@ def _solve_with_covariance(part: Problem, start: Unknowns, limits: Limits) -> So
 def _joint_shifts(
     problem: Problem, halves: Sequence[Solution], s: int
 ) -> list[tuple[float, float]]:
-    """How far each joint of a sensor lies elsewhere, and how sure that is, m."""
+    """Shift of each joint of a sensor and its standard deviation, m."""
     chain, c, (at, later) = problem.chain, parameter_columns(problem.chain), (h.at for h in halves)
     found = []
     for joints, where, off in (
@@ -129,7 +129,7 @@ def _joint_shifts(
 
 
 def _hinge_tilts(problem: Problem, halves: Sequence[Solution], s: int) -> list[tuple[float, float]]:
-    """How far each hinge of a sensor points elsewhere, either way round, and how sure that is, rad."""
+    """Tilt of each hinge of a sensor, whatever its sign, and its standard deviation, rad."""
     chain, c, (at, later) = problem.chain, parameter_columns(problem.chain), (h.at for h in halves)
     found = []
     for joints, where, first, second in (

@@ -1,11 +1,11 @@
 """Observability during free movement: standard deviations that self-calibration would reach, and excursions of joints.
 
-In      even readings of a finger's sensors and the hand's over about a second, and how they are turned at its beginning as live tracking has it
-Out     AccumulatedInformation: information on the parameters, which adds up over stretches; from all so far a standard deviation of each length and place, by joint
-Source  the residuals of self-calibration and their derivatives (residuals.py), the movement eliminated (normal_equations.py), what noise makes up taken
-        off (uncertainty/parameter_covariance.py), sizes of errors learnt as of a solution (uncertainty/posterior.py); enough is what self-calibration itself asks for (result.Requirements)
+In      even readings of a finger's sensors and the hand's over about a second, and their orientations at its beginning from live tracking
+Out     AccumulatedInformation: information on the parameters, summed over stretches; from it standard deviations of lengths and places, by joint
+Source  the residuals of self-calibration and their derivatives (residuals.py), the movement eliminated (normal_equations.py), spurious information
+        subtracted (uncertainty/parameter_covariance.py), sizes of errors estimated as for a solution (uncertainty/posterior.py); what is enough: result.Requirements
 Limits  each stretch turns as its gyroscopes say from where tracking has it, sensors sit in the middle of their segments: derivatives are those of a hand
-        near the true one. Scale errors and lag count as known; sizes of errors are learnt of accelerations and hinges, to first order; skin is as
+        near the true one. Scale errors and lag count as known; sizes of errors are estimated from accelerations and hinges, to first order; skin is as
         soft as the prior has it, and the skin of the hand follows this finger alone
 """
 
@@ -42,7 +42,7 @@ from handscope.estimators.self_calibration.whole_hand.problem import HandPlace
 
 # per cent of the angles between which a joint's excursion lies, as of self-calibration
 SPREAD = 1.0, 99.0
-RIGID = 1e-3  # share of skin's movement that nobody notices
+RIGID = 1e-3  # share of the skin's movement that is negligible
 HANDS = 6  # parameters of the skin under the hand's sensor: turn and slide
 # times what self-calibration asks a joint to be bent by, for tracking errs by a few degrees
 SAFE = 4 / 3
@@ -93,7 +93,7 @@ class AccumulatedInformation:
 
     @property
     def noise(self) -> Noise:
-        """Sizes of errors as they were met so far, as `posterior.learnt` has them."""
+        """Sizes of errors estimated so far, as in `posterior.estimate_noise`."""
         sizes = np.sqrt(self.squares / np.maximum(self.redundancy, 1.0))
         acc, hinge = np.where(
             self.redundancy > 1,
@@ -107,7 +107,7 @@ class AccumulatedInformation:
 
 @dataclass(frozen=True)
 class JointObservability:
-    """How much of what self-calibration needs a joint has shown."""
+    """Observability of a joint against what self-calibration requires."""
 
     joint: str
     length_sd: float  # m, of the segments beside it, the larger; where none lies between two joints, of the joint's place
@@ -118,14 +118,14 @@ class JointObservability:
 def build_limb(
     finger: str, worn: Sequence[str], geometry: HandGeometry, mounting: Mapping[str, Array]
 ) -> Limb:
-    """Of the segments with a sensor those that hang together with the hand."""
+    """The prior of those segments with a sensor that are connected to the hand."""
     return Limb(
         build_chain([s for s in ("hand", *CHAINS[finger]) if s in worn]), geometry, mounting
     )
 
 
 def no_information(of: Limb) -> AccumulatedInformation:
-    """Before anything moved."""
+    """Zero information, before any movement."""
     none = np.zeros((len(of.selected), len(of.selected)))
     return AccumulatedInformation(none, none, np.zeros(2), np.zeros(2), 0.0, 0.0, 0.0, np.inf)
 
@@ -200,7 +200,7 @@ def add_information(a: AccumulatedInformation, b: AccumulatedInformation) -> Acc
 
 
 def repeat(a: AccumulatedInformation, times: float) -> AccumulatedInformation:
-    """Information of so many times as many stretches that tell as much."""
+    """The information multiplied by a number, as of so many equal stretches."""
     summed = ("information", "spurious_information", "squares", "redundancy")
     lasted = ("seconds", "turned", "hand_turned")
     return replace(a, **{name: times * getattr(a, name) for name in (*summed, *lasted)})
@@ -232,7 +232,7 @@ def flexion_excursion(flexion: Array) -> float:
 
 
 def _expand_step(of: Limb, step: Step) -> Step:
-    """The step with the parameters that are not looked at, which stay."""
+    """The step with zeros for the parameters that are not selected."""
     parameters = np.zeros(parameter_columns(of.links).count + HANDS)
     parameters[of.selected] = step.parameters
     return Step(step.turns, parameters)
@@ -270,7 +270,7 @@ def _prior_rows(of: Limb, problem: Problem, at: Unknowns) -> tuple[Array, Array]
 def _residual_sum(
     terms: Terms, step: Step, drawn: Step, sd: float, idle: int
 ) -> tuple[float, float]:
-    """Sum of squares of what is left after a step, in the unit of `sd`, and of how many numbers, less what a draw shows to be taken up; `idle` rows a sample are always 0."""
+    """Sum of squares of the residuals after a step, in the unit of `sd`, and their degrees of freedom, of which those of the unknowns are found by a draw; `idle` rows of a sample are always 0."""
     left = terms.r + posterior.residual_change(terms, step)
     redundancy = (
         left.size - idle * len(left) - float((posterior.residual_change(terms, drawn) ** 2).sum())
@@ -309,7 +309,7 @@ def _assess_joint(
 
 
 def _place_sd(covariance: Array, row: int, arm: Array) -> float:
-    """Of a joint from a sensor that sits as the mounting has it, m: the arm's, and what the mounting turns it by."""
+    """Standard deviation of a joint's place from its sensor, m: that of the arm, and that of the mounting's rotation."""
     arm_sd = float(np.sqrt(np.trace(covariance[row : row + 3, row : row + 3])))
     return float(np.hypot(arm_sd, np.radians(Noise().mounting) * np.linalg.norm(arm)))
 

@@ -1,6 +1,6 @@
 """Outliers: a sensor was hit, or turned faster than its gyroscope can measure.
 
-In      a Problem, a place, how far each acceleration is off there (posterior.strange)
+In      a Problem, a place, residuals of the accelerations there (posterior.acceleration_deviations)
 Out     ImpactDetection: which accelerations and turns to down-weight, and by how much; Outlier: which sensor, and when
 Source  ours; weights of accelerations where it lasts: Huber's loss; squared of the worst turn, 3 deg that never were still pulled by 4 of 0.7 deg
 Limits  in a brief impact neither accelerometer nor gyroscope is used; in a longer one the accelerometers determine how the sensor turned
@@ -87,7 +87,7 @@ def turn_noise_factors(
 def list_outliers(
     detection: ImpactDetection, base: Problem, at: Unknowns, off: Array
 ) -> tuple[Outlier, ...]:
-    """By sensor, at the minimum; `off` (n, S) as of `detect_outliers`, with errors of accelerations as they are where nothing is knocked."""
+    """Outliers by sensor, at the minimum; `off` (n, S) as of `detect_outliers`, with errors of accelerations as without impacts."""
     usual = np.median(off, axis=0) / MEDIAN_OF_THREE
     outliers = []
     for first, stop in find_runs(detection.suspect):
@@ -115,7 +115,7 @@ def list_outliers(
 
 
 def _adjacent_turns(strange: Bools) -> Bools:
-    """Turns (n-1,) beside strange accelerations (n,): accelerometer or gyroscope may be to blame."""
+    """Turns (n-1,) beside outlying accelerations (n,): the accelerometer or the gyroscope may be wrong."""
     marked = np.zeros(len(strange) - 1, bool)
     marked[
         np.clip(np.flatnonzero(strange)[:, None] + np.arange(-BESIDE, BESIDE), 0, len(marked) - 1)
@@ -124,6 +124,6 @@ def _adjacent_turns(strange: Bools) -> Bools:
 
 
 def _turn_residuals(problem: Problem, at: Unknowns, first: int, stop: int) -> Array:
-    """How sensors turned otherwise than gyroscopes say (m, S, 3) rad."""
+    """Turns of the sensors less those of their gyroscopes (m, S, 3) rad."""
     r = residuals.gyroscope_residuals(problem, at, first, stop)
     return np.asarray(r.reshape(len(r), -1, 3) * problem.turn_sd[first : first + len(r), :, None])

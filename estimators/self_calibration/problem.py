@@ -1,7 +1,7 @@
 """Knowns and unknowns of self-calibration: sensors on a chain of joints, their readings, the unknowns and how they move on their manifold.
 
 In      even samples of inertial sensors whose segments hang together by joints
-Out     Problem (what is known), Unknowns (a place in the space that is searched), their increments
+Out     Problem (readings and priors), Unknowns (a point on the manifold), their increments
 Source  Kortier, thesis ch. 4, (4.1)-(4.5). Written without loss in fewer unknowns: rates and accelerations (4.8), (4.9) are the readings less biases and
         errors, places and velocities (4.17a, b) follow from them, and the segments' poses (4.10) from the sensors': orientations of the sensors are all
         of the trajectory that is left. A sensor's pose on its segment and the segment's length follow from where its joints and their axes lie in
@@ -22,7 +22,7 @@ from handscope.estimators.self_calibration.soft_tissue import tissue_response
 THESIS = "Kortier, thesis 4.5.1"
 # what hangs on the hand with a joint of its own, segments from there on
 LIMBS = {**CHAINS, "forearm": ("forearm",)}
-Z = np.array([0.0, 0.0, 1.0])  # of a segment: about what it flexes
+Z = np.array([0.0, 0.0, 1.0])  # flexion axis in the frame of a segment
 TILTING = 1e-5  # rad, between axes whose difference is a derivative
 # deg/s, m/s^2: standard deviation over a second in which a sensor rests, 3 times an MPU-9250's
 RESTING_GYR, RESTING_ACC = 0.3, 0.06
@@ -30,7 +30,7 @@ RESTING_GYR, RESTING_ACC = 0.3, 0.06
 
 @dataclass(frozen=True, kw_only=True)
 class Noise:
-    """How far each relation may be off: standard deviations of one sample, of one unknown."""
+    """Standard deviations of the errors: of one sample of each relation, of each unknown."""
 
     gyr: float = option(1e-3, "rad/s", "noise of a gyroscope's sample", THESIS, least=1e-6)
     acc: float = option(
@@ -167,7 +167,7 @@ class Readings:
     dt: float  # s
     gyr: Array  # (n, S, 3) rad/s
     acc: Array  # (n, S, 3) m/s^2
-    gyr_doubt: Array  # (n, S) factor on the noise's standard deviation: 1 as it should be, large where clipped or bridged
+    gyr_doubt: Array  # (n, S) factor on the noise's standard deviation: 1 usually, large where clipped or bridged
     acc_doubt: Array  # (n, S)
 
     def __len__(self) -> int:
@@ -189,7 +189,7 @@ class Problem:
     acc_sd: Array  # (n, S) m/s^2
     start: Array  # (S, 4) q_GS of the first sample, prior
     distal: Array  # (S, 3) unit, where the nominal mounting has the segment's distal end, in the sensor's frame
-    flexing: Array  # (S, 3) unit, about what it has the segment flex
+    flexing: Array  # (S, 3) unit, nominal flexion axis of the segment, in the sensor's frame
     bias_prior: Array  # (S, 3) rad/s, what gyroscopes read at rest, else 0
     bias_sd: float  # rad/s
     bent: Array  # (n, J) rad, flexion of each joint by the last estimate: the skin follows it
@@ -212,7 +212,9 @@ class Unknowns:
     near: Array  # (J, 3) m, from the child's sensor
     bias_gyr: Array  # (S, 3) rad/s
     bias_acc: Array  # (S, 3) m/s^2
-    scale_gyr: Array  # (S, 3, 3) what is to be added to a rate, as a share of it
+    scale_gyr: (
+        Array  # (S, 3, 3) scale errors and misalignment of the axes: relative correction of a rate
+    )
     scale_acc: Array  # (S, 3, 3) the same of a specific force
     axis_far: Array  # (H, 3) unit, axis of a hinge in the frame of the parent's sensor
     axis_near: Array  # (H, 3) unit, in that of the child's
@@ -220,13 +222,15 @@ class Unknowns:
     skin_turn: Array
     skin_slide: Array  # (J, 3) m/rad, how far it slides
     delay: Array  # (1,) s by which gyroscopes lag behind accelerometers
-    tilt: Array  # (J, 2) rad, of the axis about which a joint that is no hinge is counted as flexed, off the nominal one: skin is pulled by that
-    law: Array  # (J,) by how much farther than in proportion skin follows a joint that is bent by 90 deg, share of it
+    tilt: Array  # (J, 2) rad, of the flexion axis of a joint that is no hinge, off the nominal one; skin follows that flexion
+    law: (
+        Array  # (J,) non-linearity: relative excess of the skin's displacement at 90 deg of flexion
+    )
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Where the parameters stand in their increment (P,)."""
+    """Columns of the parameters in their increment (P,)."""
 
     far: slice
     near: slice
@@ -252,9 +256,9 @@ def build_chain(
     joints: Sequence[str] | None = None,
     hinges: Sequence[str] | None = None,
 ) -> Chain:
-    """The tree of those of `segments` that hang together from the first; which joints are hinges is the hand's anatomy's unless given.
+    """The tree of those `segments` that are connected to the first; hinges are those of the hand's anatomy unless given.
 
-    The hand as the first has the forearm behind the wrist.
+    With the hand as the first the forearm is its child through the wrist.
     """
     known = [j for j in JOINTS if joints is None or j.name in joints]
     sensors, links, ends = [segments[0]], [], []
@@ -324,7 +328,7 @@ def with_lengths(problem: Problem, lengths: Mapping[str, float]) -> Problem:
 
 
 def estimate_rest_bias(noise: Noise, readings: Readings) -> tuple[Array, float]:
-    """Biases of gyroscopes (S, 3) and their standard deviation, from the seconds in which every sensor rests; nothing but their size where none does."""
+    """Biases of gyroscopes (S, 3) rad/s and their standard deviation, from the seconds in which every sensor rests; zero with the prior's deviation where none is."""
     each = max(1, round(1 / readings.dt))
     seconds = len(readings) // each
     gyr, acc = (
@@ -340,7 +344,7 @@ def estimate_rest_bias(noise: Noise, readings: Readings) -> tuple[Array, float]:
 
 
 def with_noise(problem: Problem, noise: Noise, acc_doubt: Array | float = 1.0) -> Problem:
-    """The same readings with errors of other sizes; accelerations count as uncertain by factors (n, S) more."""
+    """The same readings with other sizes of errors; those of accelerations are multiplied by factors (n, S)."""
     grown = problem.acc_sd * noise.acc / problem.noise.acc * acc_doubt
     return replace(
         problem, noise=noise, turn_sd=problem.turn_sd * noise.gyr / problem.noise.gyr, acc_sd=grown
@@ -364,7 +368,7 @@ def parameter_columns(chain: Chain) -> Columns:
 
 
 def apply_increment(at: Unknowns, chain: Chain, turns: Array, parameters: Array) -> Unknowns:
-    """Another place: orientations turned by `turns` (n, S, 3) in the sensors' frames, parameters by (P,); unit vectors stay on their sphere."""
+    """The unknowns after an increment: `turns` (n, S, 3) rad in the sensors' frames, parameters (P,); unit vectors stay on their sphere."""
     c = parameter_columns(chain)
     return replace(
         at,
@@ -402,7 +406,7 @@ def tangents(axes: Array) -> Array:
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """As numpy's of vectors (m, 3), which takes ten times as long for a few."""
+    """Cross product of vectors (m, 3); numpy's takes ten times as long for a few."""
     x, y, z = a.T
     u, v, w = b.T
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
@@ -444,7 +448,7 @@ def _flexion_angle(z: Array, before: Array, behind: Array) -> Array:
 
 
 def joint_flexion(problem: Problem, at: Unknowns, samples: Indices) -> Array:
-    """How far joints are flexed (..., J) rad at samples (...), about axes tilted as here."""
+    """Flexion of joints (..., J) rad at samples (...), about the tilted axes."""
     return np.asarray(
         problem.bent[samples]
         + np.einsum("...jx,jx->...j", problem.by_tilt[samples], at.tilt - problem.tilt)

@@ -1,7 +1,7 @@
 """The result for one finger, or the forearm, and which parts of it are certain enough to be used.
 
-In      a Solution of one finger, its Segments and how sure they are
-Out     Finger; how far joints bent, which lengths are known
+In      a Solution of one finger, its Segments and their standard deviations
+Out     Finger; excursions of its joints, which lengths are known
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from handscope.estimators.self_calibration.uncertainty.monte_carlo import Uncert
 
 @dataclass(frozen=True, kw_only=True)
 class Requirements:
-    """What is asked of a recording and of what is found in it."""
+    """Least movement of a recording, and largest standard deviations of the estimates that are used."""
 
     shortest: float = option(
         10.0,
@@ -58,7 +58,7 @@ class Requirements:
 
 @dataclass(frozen=True)
 class Finger:
-    """What one finger, or the forearm, was found to be."""
+    """The estimates of one finger, or of the forearm."""
 
     name: str  # of problem.LIMBS
     t: Array  # (n,) s
@@ -68,7 +68,7 @@ class Finger:
 
 
 def joint_excursions(solution: Solution) -> dict[str, float]:
-    """How far each joint was bent, deg."""
+    """Excursion of each joint, deg."""
     least, most = np.percentile(solution.problem.bent, [1, 99], axis=0)
     return dict(zip(solution.problem.chain.joints, np.degrees(most - least).tolist()))
 

@@ -4,7 +4,7 @@ In      whole inertial streams, a stretch of time
 Out     Readings at about 100 Hz; missing and clipped samples are bridged and get a large noise factor
 Source  streams with clocks of their own are brought to the hand's samples by cubics through four samples (Lagrange); means of faster samples by what
         they lack where a signal bends, Taylor to T^2
-Limits  sensors' noise is taken for white, of the same density at every rate: a mean over faster samples is as noisy as one sample at its own rate, and turns add up the same random walk in a second however many there are
+Limits  sensors' noise is taken to be white, of the same density at every rate: a mean over faster samples is as noisy as one sample at the mean's rate
 """
 
 from collections.abc import Sequence
@@ -18,12 +18,12 @@ from handscope.estimators.orientation.resampling import fit_times
 from handscope.estimators.self_calibration.problem import Chain, Readings, build_chain
 from handscope.estimators.sensors import saturation
 
-RATE = 100.0  # Hz, of the thesis: faster samples are averaged down to about this
-DOUBTFUL = 1e3  # factor on the noise of a sample that is not one
+RATE = 100.0  # Hz, as in the thesis: faster samples are averaged to about this rate
+DOUBTFUL = 1e3  # factor on the noise of a missing or clipped sample
 # s, of missing samples that are bridged; after a longer one a sensor's heading is another
 LONGEST_GAP = 0.06
 MARGIN = 0.5  # s beside a stretch from which samples are taken
-LINED = 100  # samples that tell an even clock
+LINED = 100  # samples by which an even clock is recognised
 FAST = 0.99  # share of the power of angular rates
 EXCITATION_PERIOD = 1.0  # s over which movement is summed up
 
@@ -74,7 +74,7 @@ def fastest_turning(read: Readings) -> float:
 
 
 def resample_uniform(block: Block) -> Block:
-    """The same samples at even times where the stamps scatter (a host's, a radio's) and the rates say that the samples do not: between their neighbours they lie better there."""
+    """The same samples at even times, where the time stamps scatter (of a host, of a radio) but the samples do not: the rates are smoother at even times."""
     if len(block.t) < LINED:
         return block
     even = fit_times(block)
@@ -134,7 +134,7 @@ def is_clipped(blocks: Sequence[Block], sensor: str, start: float, stop: float) 
 
 
 def _valid_samples(block: Block, k: int, quantity: str) -> Bools:
-    """Which samples (n,) of a sensor are whole and not at its limit: each sensor's own, where the stream does not tell one."""
+    """Which samples (n,) of a sensor are complete and not at its limit; where the stream states none, the limit is found from the sensor's readings."""
     values = block.of(quantity)[:, k : k + 1]
     clipped = exceeds(values, SATURATION * saturation.find_limits(block, quantity)[k : k + 1])[:, 0]
     return np.asarray(every(np.isfinite(values[:, 0])) & ~clipped)

@@ -74,7 +74,7 @@ def _arms(chain: Chain, at: Unknowns, s: int) -> tuple[Array | None, Array | Non
 
 
 def _flexion_axes(at: Unknowns, chain: Chain, nominals: Sequence[Array]) -> list[Array | None]:
-    """About what each segment flexes (3,), in its sensor's frame, where a hinge shows it: which way round is what most nominal mountings say."""
+    """Flexion axis (3,) of each segment in its sensor's frame, where a hinge determines it; its sign is that of most nominal mountings."""
     signs: list[float] = []
     own: list[list[tuple[int, Array]]] = [[] for _ in chain.sensors]
     for h, joint in enumerate(chain.hinges):

@@ -35,10 +35,10 @@ CHUNK = 512  # samples whose derivatives are in memory at once
 # steps; half a sum of squares, far below what a standard deviation of one parameter is
 AROUND, CIRCLE = 4, 1.0
 SMALL = 0.1  # of a standard deviation
-SLOW = 0.3  # of the gain before: what steps with one factor still gain where they lead on
-SETTLED = 100.0  # times the least gain: after less than that, a step that loses less than the least gain circles about the minimum
+SLOW = 0.3  # share of the previous decrease: a step with an old factor that gains more converges slowly
+SETTLED = 100.0  # times the least gain: below that, an increase by less than the least gain is an oscillation about the minimum
 FREE = 1e-6  # damping beyond which a step is no Newton step
-UNLIKELY = 3.0  # standard deviations that what was known before may be off until it is doubted
+UNLIKELY = 3.0  # standard deviations by which an estimate may differ from its prior until the prior is enlarged
 Outcome = Literal["converged", "not converged", "stopped"]
 P = TypeVar("P")
 X = TypeVar("X")
@@ -49,44 +49,46 @@ class Limits:
     """Limits of the iterations."""
 
     iterations: int = 30
-    least_gain: float = 0.002  # of half the sum of squares, that a step must gain to go on: then all are within a tenth of their standard deviations
+    least_gain: float = 0.002  # least decrease of the cost to go on: all parameters are then within a tenth of their standard deviations
     rough_gain: float = 0.5  # the same in rounds before the last
     # of the cost: a step that gained less is followed by one with the same factor
     chord: float = 0.1
-    rounds: int = 4  # in which the sizes of errors are learnt and knocks are found
+    rounds: int = 4  # in which the sizes of errors are estimated and impacts are found
     # beyond so many standard deviations a sample counts as if its noise were larger
     knock: float = 4.0
 
 
 @dataclass(frozen=True)
 class Solution:
-    """The most probable unknowns, how they were reached, and the factor of their information."""
+    """The maximum a posteriori estimate, the course of the iteration, and the factor of the normal equations."""
 
     at: Unknowns
-    problem: Problem  # with the noise as it was found to be
+    problem: Problem  # with the estimated noise
     outcome: Outcome
     costs: tuple[float, ...]  # half the sum of squares at the start and after each step
     factor: Factor  # of the normal equations there
     outliers: tuple[Outlier, ...] = ()
-    # (P, P) information that noise makes up, covariance.apparent
+    # (P, P) parameter_covariance.spurious_information
     spurious_information: Array = field(default_factory=lambda: np.empty((0, 0)))
 
 
 @dataclass(frozen=True)
 class Linearised(Generic[P, X]):
-    """The normal equations at a place."""
+    """The normal equations at a place, as functions that give steps."""
 
     cost: float
-    damped: Callable[[float], X]  # where a step of some damping leads; LinAlgError where nowhere
-    # of another place: its cost, and where a step with the last factor of these leads
+    damped: Callable[
+        [float], X
+    ]  # the unknowns after a step with some damping; LinAlgError where the equations are singular
+    # of other unknowns: their cost, and the unknowns after a step with the last factor of these
     chord: Callable[[P, X], tuple[float, X]]
 
 
 @dataclass(frozen=True)
 class ProblemOps(Generic[P, X]):
-    """Operations that the descent needs of a kind of problem P and of its places X."""
+    """Operations of a kind of problem P with unknowns X, for `levenberg_marquardt`."""
 
-    # the problem with what it believes of joints' bending as it is here
+    # the problem with the flexion of joints at these unknowns
     update_flexion: Callable[[P, X], P]
     cost: Callable[[P, X], float]
     linearise: Callable[[P, X], Linearised[P, X]]
@@ -94,7 +96,7 @@ class ProblemOps(Generic[P, X]):
 
 @dataclass(frozen=True)
 class DescentResult(Generic[P, X]):
-    """Where the descent ended."""
+    """The end of the iteration."""
 
     problem: P
     at: X
@@ -123,7 +125,7 @@ def solve(
 
 
 def _operations(last: list[Factor]) -> ProblemOps[Problem, Unknowns]:
-    """What the descent of a chain needs, all in the memory of one factor: the last, which is kept in a list."""
+    """Operations of a chain; all use the memory of one factor, the last, which the list holds."""
 
     def linearise(problem: Problem, at: Unknowns) -> Linearised[Problem, Unknowns]:
         normal, here = build_normal_equations(problem, at, last[0] if last else None)
@@ -157,7 +159,7 @@ def _apply_step(problem: Problem, at: Unknowns, step: normal_equations.Step) -> 
 def levenberg_marquardt(
     ops: ProblemOps[P, X], problem: P, start: X, limits: Limits, go_on: Callable[[int, float], bool]
 ) -> DescentResult[P, X]:
-    """Step by step to the minimum, of any kind of problem; where it is near, several steps with one factor."""
+    """Minimise the cost of any kind of problem by the Levenberg-Marquardt method; near the minimum several steps share a factor."""
     at, damping, growth, renewing, gain = start, 1e-9, 2.0, True, np.inf
     costs: list[float] = [ops.cost(problem, at)]
     known: Linearised[P, X] | None = None  # of an earlier place, near enough for another step
@@ -179,11 +181,11 @@ def levenberg_marquardt(
             costs[-1] = known.cost
         if (
             renewing and k >= AROUND and costs[-1] > costs[-1 - AROUND] - limits.least_gain
-        ):  # what is left goes round in circles
+        ):  # the iteration oscillates
             if max(costs[-1 - AROUND :]) - min(costs[-1 - AROUND :]) < CIRCLE:
                 outcome = "converged"
                 break
-            renewing = False  # from here with joints flexed as they are: the flexion of a stiff joint is as unobservable as the places of its bones
+            renewing = False  # the flexion stays fixed from here: that of a stiff joint is as unobservable as the places of its bones
         while not is_chord:
             try:
                 there = known.damped(damping)
@@ -221,9 +223,9 @@ def solve_with_noise(
     limits: Limits = Limits(),
     go_on: Callable[[int, float], bool] = lambda k, cost: True,
 ) -> Solution:
-    """The same in rounds: after each the sizes of errors are what they were met as, and samples that fit nowhere are trusted less.
+    """Solve in rounds: after each the sizes of errors are estimated anew, and outliers get less weight.
 
-    In the first skin follows in proportion: knocks that are not known yet would be taken for its law.
+    In the first round skin follows in proportion: impacts that are not detected yet would bias its non-linearity.
     """
     rough = replace(limits, least_gain=limits.rough_gain)
     base = problem
@@ -295,7 +297,7 @@ def _solve_coarse(
     limits: Limits,
     go_on: Callable[[int, float], bool],
 ) -> DescentResult[Problem, Unknowns]:
-    """Where every k-th sample has its minimum: near that of all, in a fraction of the time."""
+    """The minimum for every k-th sample: near that of all samples, in a fraction of the time."""
     return levenberg_marquardt(
         _operations([]),
         multi_resolution.thin_problem(problem, every),
@@ -311,7 +313,7 @@ def _after(steps: int, go_on: Callable[[int, float], bool]) -> Callable[[int, fl
 
 
 def _check_convergence(solution: Solution) -> Solution:
-    """Converged also along unobservable directions: the next step is small against each parameter's standard deviation."""
+    """Set the outcome to converged where the next step is small against each parameter's standard deviation, also along unobservable directions."""
     if solution.outcome != "not converged":
         return solution
     spurious = parameter_covariance.spurious_information(
@@ -332,7 +334,7 @@ def _check_convergence(solution: Solution) -> Solution:
 
 
 def reweight_priors(problem: Problem, at: Unknowns) -> Problem:
-    """Enlarge the standard deviation of each prior that is off by more than chance."""
+    """Enlarge the standard deviation of each prior that the estimate contradicts significantly."""
     mounting_sd, length_sd = problem.mounting_sd.copy(), problem.length_sd.copy()
     for priors, sds in (
         (residuals.mounting_priors(problem, at), mounting_sd),

@@ -1,9 +1,9 @@
 """The whole hand as one problem: limbs (fingers, the forearm) that have the hand's sensor in common.
 
 In      Problems and places of limbs, each with the hand's sensor as its root
-Out     HandProblem, HandPlace, how their increments are laid out; a place to begin from limbs that were solved alone
+Out     HandProblem, HandPlace, the layout of their increments; the start from limbs that were solved alone
 Source  Kortier, thesis ch. 4, for one finger. The noise of the hand's accelerometer, which all joints on the hand see at once, is an unknown of each sample:
-        given it and the hand's orientation, limbs know nothing of each other
+        given it and the hand's orientation, limbs are independent
 """
 
 from collections.abc import Sequence
@@ -105,14 +105,14 @@ def shared_columns(chain: Chain) -> Indices:
 
 
 def gather_limbs(limbs: Sequence[Problem], noise: Noise) -> HandProblem:
-    """One problem of limbs that were solved alone: the hand's accelerometer is as noisy as they found it on average."""
+    """One problem of limbs that were solved alone; the noise of the hand's accelerometer is the mean of their estimates."""
     return HandProblem(
         tuple(limbs), np.sqrt(np.mean([limb.acc_sd[:, 0] ** 2 for limb in limbs], axis=0)), noise
     )
 
 
 def merge_places(places: Sequence[Unknowns]) -> HandPlace:
-    """Where to begin: the mean of the hand's movements and errors; limbs keep what they found, seen from the hand."""
+    """The start: the mean of the limbs' estimates of the hand's movement and errors; limbs keep their movement relative to the hand."""
     first = places[0].q_GS[:, 0]
     off = np.mean([quat.log(quat.relative(first, at.q_GS[:, 0])) for at in places], axis=0)
     hand = quat.normalize(quat.multiply(first, quat.exp(off)))
@@ -139,7 +139,7 @@ def _carry_over(at: Unknowns, hand: Array, places: Sequence[Unknowns]) -> Unknow
 def apply_hand_increment(
     at: HandPlace, problem: HandProblem, samples: Array, parameters: Array
 ) -> HandPlace:
-    """Another place: unknowns of samples moved by (n, each), parameters by (count,)."""
+    """The unknowns after an increment: (n, each) of the samples, (count,) of the parameters."""
     where = layout(problem)
     limbs = tuple(
         apply_increment(
@@ -164,7 +164,7 @@ def root_joint(chain: Chain) -> int:
 
 
 def root_flexion(problem: HandProblem) -> Array:
-    """How far the joints on the hand are flexed (n, F) rad."""
+    """Flexion (n, F) rad of the joints on the hand."""
     return np.stack([limb.bent[:, root_joint(limb.chain)] for limb in problem.limbs], axis=1)
 
 
@@ -194,7 +194,7 @@ def with_hand_flexion(problem: HandProblem, at: HandPlace) -> HandProblem:
 
 
 def error_sd(problem: HandProblem) -> Array:
-    """Standard deviation (n,) of the hand's accelerometer as joints see it, a mean of three samples (`residuals.whitening`)."""
+    """Standard deviation (n,) of the hand's accelerometer as joints see it, a mean of three samples (`residuals.whitening_matrix`)."""
     v, share = problem.acc_sd**2, NUMEROV**2 / (NUMEROV**2).sum()
     seen = v.copy()
     seen[1:-1] = share[0] * v[:-2] + share[1] * v[1:-1] + share[2] * v[2:]
