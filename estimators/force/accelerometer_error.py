@@ -1,7 +1,7 @@
-"""By how much accelerometers err, as their recording shows it: what they read at rest beside gravity.
+"""Error of accelerometers, estimated from the recording: their readings at rest against gravity.
 
-In      blocks of inertial sensors, the standard deviation that is likely of an axis, m/s^2
-Out     the same, with what the hand's sensors show: more of bad ones, less of good ones
+In      blocks of inertial sensors, the prior standard deviation of an axis, m/s^2
+Out     the posterior standard deviation: larger for bad sensors, smaller for good ones
 Source  ours: what a sensor reads too much at rest is its bias and scale along the vertical, of the size of what tilts it. The sensors of a glove are alike, so that they
         tell it together; inverse gamma prior (Gelman et al. 2013, Bayesian Data Analysis, 2.6), worth LIKELY readings
 Limits  what is across the vertical in every inclination is not seen; gravity differs from place to place by 0.03 m/s^2, which counts as an error
@@ -40,7 +40,7 @@ def error_sd_at_rest(likely: float, blocks: Sequence[Block]) -> float:
 
 
 def _gravity_residuals(block: Block, k: int) -> Array:
-    """What the k-th sensor reads beside gravity at rest (m,) m/s^2, in each inclination once."""
+    """Residuals (m,) m/s^2 of the k-th sensor at rest against gravity, one for each inclination."""
     acc, gyr = block.of(ACC)[:, k], block.of(GYR)[:, k]
     known = every(np.isfinite(acc)) & every(np.isfinite(gyr))
     starts = (

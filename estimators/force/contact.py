@@ -1,4 +1,4 @@
-"""When something is held: grasp and release by a threshold on the sum of the fingertips' forces.
+"""Detection of grasp and release by a threshold on the sum of the fingertips' forces.
 
 In      sizes of the forces (n, S) N at times t (n,), NaN where not known
 Out     Grasps: onset and end
@@ -47,7 +47,7 @@ class Grasp:
 def find_grasps(
     params: ContactParams, t: Array, sizes: Array, thumb: int | None = None
 ) -> list[Grasp]:
-    """Every stretch in which the fingertips hold something, in order; `thumb` is the column of whoever the others push against."""
+    """Every stretch in which the fingertips hold something, in order; `thumb` is the column of the finger against which the others push."""
     total = np.nansum(sizes, axis=1)
     stretches = _find_stretches(params, t, total)
     if thumb is not None and sizes.shape[1] > 1:
@@ -67,7 +67,7 @@ def find_grasps(
 
 
 def _find_stretches(params: ContactParams, t: Array, total: Array) -> list[Grasp]:
-    """Where the signal is above the thresholds, over short pauses, however short."""
+    """Stretches of any length in which the signal is above the thresholds; short pauses are bridged."""
     found: list[Grasp] = []
     for first, stop in find_runs(_with_hysteresis(total, params.grasp, params.release)):
         onset, end = (
@@ -103,7 +103,7 @@ def _with_hysteresis(total: Array, high: float, low: float) -> Bools:
 
 
 def _crossing_time(t: Array, total: Array, k: int, level: float) -> float:
-    """Between samples k - 1 and k the signal crosses the level: when."""
+    """The time between samples k - 1 and k at which the signal crosses the level."""
     if not 0 < k < len(t) or total[k] == total[k - 1]:
         return float(t[min(max(k, 0), len(t) - 1)])
     return float(

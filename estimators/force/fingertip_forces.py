@@ -96,7 +96,7 @@ def attach_forces(
     mounting: Mapping[str, Array],
     calibrations: Sequence[Calibration],
 ) -> tuple[Trajectory, list[str]]:
-    """The trajectory with the forces of its fingertips, and sentences of what is to be known; as it was where there are none."""
+    """The trajectory with the forces of its fingertips, and warnings; unchanged where there are no force sensors."""
     sensors = _sensors(blocks)
     if not sensors or not len(trajectory):
         return trajectory, [
@@ -182,7 +182,7 @@ def attach_forces(
 
 
 def estimate_zeros(params: ForceParams, blocks: Sequence[Block]) -> dict[str, Array]:
-    """By finger what its sensor reads of nothing at its newest sample, N (3,) in the sensor's frame."""
+    """Zero (3,) N of each finger's sensor at its newest sample, in the sensor's frame."""
     found = {}
     for sensor in _sensors(blocks):
         *_, nothing = _subtract_zero(params, sensor.block)
@@ -197,7 +197,7 @@ def newest_forces(
     mounting: Mapping[str, Array],
     calibrations: Sequence[Calibration],
 ) -> Array:
-    """Forces (5, 3) N of the newest samples in the global frame, as the trajectory's last row has the fingertips; NaN of what is not known.
+    """Forces (5, 3) N of the newest samples in the global frame, with the orientations of the trajectory's last row; NaN where not known.
 
     For display: at once, without the corrections of the tips' orientations by a grasp.
     """
@@ -244,7 +244,7 @@ def _with_torques(
     q_GF: Array,
     covariance: Array,
 ) -> tuple[Trajectory, list[str]]:
-    """The trajectory with the torques of sensors with six axes, and what is to be known of them; as it was where there are none."""
+    """The trajectory with the torques of sensors with six axes, and warnings; unchanged where there are none."""
     torque_blocks, doubts = _torque_blocks(blocks), []
     values, sd = (
         np.full((len(felt), len(sensors), 3), np.nan),
@@ -320,7 +320,7 @@ def _select_sensor(block: Block, k: int) -> Block:
 
 
 def _scales(params: ForceParams, sensors: Sequence[Sensor]) -> Array:
-    """Share (S,) by which the forces of each sensor may be wrong in all samples: its calibration's, or what is usual."""
+    """Standard deviation (S,) of each sensor's scale, the same in all samples: that of its calibration, or the default."""
     return np.array(
         [next(iter(s.block.stream.scale_sd.values()), params.force_scale) for s in sensors]
     )
@@ -379,7 +379,7 @@ def _read(params: ForceParams, block: Block, at: Array) -> _SensorForce:
 
 
 def _subtract_zero(params: ForceParams, block: Block) -> tuple[Array, Bools, Array, Zero]:
-    """Readings (n, 1, 3) of one sensor without limited and repeated ones, which are limited (n,), the noise of a reading, and the zero."""
+    """Readings (n, 1, 3) of one sensor without its zero and without limited and repeated ones; which are limited (n,), the noise of a reading, and the zero."""
     raw = block.of(FORCE)
     limited = block.at_limit(FORCE)[:, 0] | is_stuck(raw[:, 0]) | exceeds(raw[:, 0], IMPOSSIBLE)
     values = np.where(limited[:, None, None], np.nan, raw)
@@ -409,7 +409,7 @@ def _find_unreleased(
     grasp: Grasp,
     following: Grasp | None,
 ) -> Bools:
-    """Which sensors (S,) go on behind a grasp with a force beyond doubt while another reads nothing: their zero jumped as they held."""
+    """Which sensors (S,) read a significant force after a grasp while another reads none: their zero jumped during the grasp."""
     start, stop = grasp.end + SETTLED, grasp.end + SETTLED + BEHIND
     behind = [r.free[(s.block.t > start) & (s.block.t < stop)] for s, r in zip(sensors, read)]
     if (
@@ -429,7 +429,7 @@ def _find_unreleased(
 def _apply_calibrated_axes(
     mounting: Mapping[str, Array], blocks: Sequence[Block]
 ) -> dict[str, Array]:
-    """The mountings, with force sensors that were calibrated in the axes of their cuff's inertial sensor mounted as that is."""
+    """The mountings; a force sensor that was calibrated in the axes of its cuff's inertial sensor gets that sensor's mounting."""
     points = [point for block in blocks for point in block.stream.turn_sd]
     return {
         **mounting,
@@ -446,7 +446,7 @@ def _cuff_states(
     calibrations: Sequence[Calibration],
     fingers: Sequence[str],
 ) -> tuple[Array, Array, Array]:
-    """Of every cuff its orientation (n, S, 4), specific force and angular rate (n, S, 3) in the force sensor's frame."""
+    """Every cuff's orientation (n, S, 4), specific force and angular rate (n, S, 3) in the force sensor's frame."""
     n, S = len(trajectory), len(fingers)
     q_GF, acc, gyr = np.empty((n, S, 4)), np.full((n, S, 3), np.nan), np.full((n, S, 3), np.nan)
     for s, finger in enumerate(fingers):
@@ -471,7 +471,7 @@ def _cuff_states(
 def _mounting_over_time(
     t: Array, segment: str, nominal: Array, calibrations: Sequence[Calibration]
 ) -> Array:
-    """How the inertial sensor sits on its segment (n, 4): as the calibration of the time found it."""
+    """Alignment (n, 4) of the inertial sensor on its segment, by the calibration that holds at the time."""
     q_BI = np.tile(
         calibrations[0].q_BS.get(segment, nominal) if calibrations else nominal, (len(t), 1)
     )
@@ -481,7 +481,7 @@ def _mounting_over_time(
 
 
 def _interpolate(t: Array, values: Array, at: Array) -> Array:
-    """Vectors (n, 3) between their samples by straight lines; NaN outside and beside missing ones."""
+    """Vectors (n, 3) by linear interpolation; NaN outside and beside missing samples."""
     return np.stack([np.interp(at, t, v, left=np.nan, right=np.nan) for v in values.T], axis=1)
 
 

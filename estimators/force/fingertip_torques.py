@@ -66,7 +66,7 @@ def read_torques(
 def fingertip_twist(
     forces: Array, torques: Array, torques_sd: Array, normal: Array
 ) -> tuple[Array, Array]:
-    """Torque m (...) Nm about the normal (..., 3) of the place that is touched, wherever that is, and its standard deviation; NaN of who hardly pushes.
+    """Torque (...) Nm about the normal (..., 3) of the contact, wherever that is, and its standard deviation; NaN where the force is small.
 
     Forces (..., 3) N, torques and their standard deviations (..., 3) Nm in one frame with the normal, which points out of the pad.
     """
@@ -78,5 +78,5 @@ def fingertip_twist(
 
 
 def is_impossible(block: Block) -> bool:
-    """Whether any torque of a block with one sensor is more than a fingertip exerts."""
+    """Whether any torque of a block with one sensor is larger than a fingertip can exert."""
     return bool(exceeds(block.of(TORQUE)[:, 0], IMPOSSIBLE).any())

@@ -1,4 +1,4 @@
-"""Whether what fingertips push against each other cancels: a finger that is not measured and carries part of the load leaves a rest along the push.
+"""Balance of the grip forces of all fingertips: a finger without a sensor that carries part of the load leaves a residual along the grip axis.
 
 In      of S tips at n instants of one grasp: forces (n, S, 3) N as corrected, specific force (n, S, 3) m/s^2, both in the global frame, the thumb or whoever
         pushes against the others first; covariance (n, 3S, 3S) of the tips' turns, standard deviation (n, S) N of noise and zero, share (S,) by which each scale may be wrong
@@ -20,7 +20,7 @@ LEAST = 0.5  # N: smaller forces are not used
 def residual_along_push(
     force: Array, acc: Array, covariance: Array, sd: Array, scale: float | Array
 ) -> tuple[float, float]:
-    """Mean of the net force along the horizontal part of the push, and its standard deviation, N; NaN where nobody pushes against another."""
+    """Mean of the net force along the horizontal part of the push, and its standard deviation, N; NaN where no fingers push against each other."""
     S = force.shape[1]
     with np.errstate(invalid="ignore", divide="ignore"):
         up = np.nansum(acc, axis=1)

@@ -1,7 +1,7 @@
-"""How what is held answers to the force on it, frequency by frequency, and whether that may be read from data without a perturbation of its own.
+"""Frequency response of the held object to the grip force, and whether it can be identified from data without an external perturbation.
 
 In      force u (n,) N and movement y (n,) m on an even time base t (n,)
-Out     Response: S_uy / S_uu with coherence and standard deviation; Conditions: what of 6.5.1 the data bear out
+Out     Response: S_uy / S_uu with coherence and standard deviation; Conditions: which of 6.5.1 hold on the data
 Source  Kortier, thesis (6.16) to (6.23): the estimate approaches the load where the hand's own force dominates, and -1/H where other sources do;
         standard deviation: Bendat & Piersol, Random Data, 9.2; thresholds ours
 Limits  that the force is not a reaction to movements cannot be proved from the two signals: a coherence below one shows that something else moves or pushes
@@ -54,7 +54,7 @@ class Response:
 
 @dataclass(frozen=True)
 class Conditions:
-    """None: the data cannot tell."""
+    """The conditions of 6.5.1; None: undecided by the data."""
 
     independent: bool | None  # 1a: the force explains the movement
     wide: bool | None  # 1b: the force reaches as far up as the load answers
@@ -67,7 +67,7 @@ class Conditions:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """What is not borne out, in words."""
+        """The conditions that do not hold, as sentences."""
         reasons_by_condition = (
             (self.independent, phrase("squeeze.other_force")),
             (self.wide, phrase("squeeze.force_too_slow")),
@@ -133,7 +133,7 @@ def check_conditions(r: Response) -> Conditions:
 
 
 def _estimate_lag(r: Response, seen: Bools) -> tuple[float, float]:
-    """By how much the movement lags, s, and the random part of its standard deviation: energy a cycle that goes into the load is -Im P times the force's power."""
+    """Lag of the movement, s, and the random part of its standard deviation; the energy that enters the load in a cycle is -Im P times the force's power."""
     if not seen.any():
         return float("nan"), float("nan")
     weights = r.power[seen]

@@ -1,7 +1,7 @@
-"""What the fingertips do to what they hold: grip, load, each finger's share, how high it goes, what may not be trusted.
+"""Phases of a grasp: grip force, load force, each finger's share, height of the object, flags of unreliable samples.
 
 In      a stretch of a trajectory with forces
-Out     one Holding a grasp
+Out     a GraspPhase for each grasp
 Source  Kortier, thesis 6.2.1: the sum of the forces moves the object (6.5), what cancels squeezes it (6.6); the object is taken to rest where it is grasped
         and let go, so that its height is the specific force integrated twice with no velocity at both ends: ours
 Limits  the height's error grows with the square of the time held, by a centimetre or two in 5 s
@@ -78,14 +78,14 @@ class GraspPhase:
 
     @property
     def squeeze(self) -> Array:
-        """(n,) N: what the fingers push against each other along the line between them (half of (6.6))."""
+        """(n,) N: grip force along the line between the pads (half of (6.6))."""
         k = self.fingers.index("thumb")
         others = np.delete(self.forces, k, axis=1).sum(axis=1)
         return np.asarray(0.5 * ((others - self.forces[:, k]) * self.axis).sum(axis=1))
 
     @property
     def squeeze_scale_sd(self) -> float | None:
-        """Share by which `squeeze` may be wrong alike, where the sensors were calibrated: half of either side's, the worst of the fingers'."""
+        """Standard deviation of the scale of `squeeze` where the sensors were calibrated: half of either side's, the worst of the fingers'."""
         if self.scale_sd is None:
             return None
         k = self.fingers.index("thumb")
@@ -98,7 +98,7 @@ class GraspPhase:
         return np.asarray(size / size.sum(axis=1, keepdims=True))
 
     def flagged(self, within: Bools, but: int = 0) -> str:
-        """What must be known of the samples within, in words."""
+        """Flags of the samples within, as sentences."""
         present = (
             int(np.bitwise_or.reduce(self.flags[within] & ~np.uint8(but), axis=None))
             if within.any()
@@ -137,7 +137,7 @@ def find_grasp_phases(
 
 
 def unobserved_share(h: GraspPhase, used: Bools) -> float:
-    """What is left along the push over the push: as much of it, and perhaps of the load, a finger that is not measured takes."""
+    """Residual along the grip axis as a share of the grip force: a finger without a sensor may take as much of the force, and of the load."""
     up, axis = h.up[used], h.axis[used]
     level = axis - (axis * up).sum(axis=1, keepdims=True) * up
     level = level / np.linalg.norm(level, axis=1, keepdims=True)
@@ -204,7 +204,7 @@ def _torque_power(part: Trajectory, fingers: Sequence[str]) -> tuple[Array | Non
 
 
 def _twist(part: Trajectory, fingers: Sequence[str]) -> tuple[Array | None, Array | None]:
-    """Torque that twists each fingertip on what it touches (n, S) Nm, and its standard deviation."""
+    """Torque (n, S) Nm of each fingertip about the normal of its contact, and its standard deviation."""
     rows = [FINGERS.index(f) for f in fingers]
     if (
         part.forces is None
@@ -237,7 +237,7 @@ def _line_between_pads(
 ) -> tuple[Array, Array]:
     """The line from the other fingers to the thumb in the global frame, and how far apart they are along it.
 
-    The forces tell the line, as they push along it; two places some centimetres apart and each wrong by one would be off by ten degrees.
+    The line is the direction of the forces; from the two positions, some centimetres apart and each wrong by one, it would be off by ten degrees.
     """
     if "thumb" not in fingers or len(fingers) < 2:
         return np.full((len(part), 3), np.nan), np.full(len(part), np.nan)
@@ -255,7 +255,7 @@ def _line_between_pads(
 
 
 def _integrate_between_rests(t: Array, acceleration: Array) -> tuple[Array, Array]:
-    """Speed and way (n,) of an acceleration between two instants of rest."""
+    """Speed and distance (n,) from an acceleration between two instants of rest."""
     if len(t) < 3 or not np.isfinite(acceleration).all():
         return np.full(len(t), np.nan), np.full(len(t), np.nan)
     speed = _cumulative_integral(acceleration, t)

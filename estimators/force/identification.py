@@ -1,4 +1,4 @@
-"""What is held: parameters of a linear model, by weighted least squares of all samples at once and by recursive least squares that forgets.
+"""Identification of the held object: parameters of a linear model, by weighted least squares and by recursive least squares with forgetting.
 
 In      y (n, m) and H (n, m, p) with y = H theta + e, standard deviation of e (n,)
 Out     theta (p,), its covariance: scaled by the residuals, with samples of correlated errors counted as one
@@ -6,7 +6,7 @@ Source  Kortier, thesis (6.7), (6.8); recursive least squares with forgetting: t
         Fusion; filterpy's Kalman filter with fading memory
         Models: mass f_i + f_t = M (g + a) (6.5); spring and damper (f_t - f_i) . e / 2 = K (p0 - p) - D v with e from i to t and p the tips' distance. (6.6) writes
         the difference itself, of two springs in a row (Fig. 6.3); ours is half of it, so that K is that of the whole, as a spring is bought
-Limits  errors in H bias theta towards zero; an error that is the same in all samples (zero, scale, inclination) is not seen here: whoever calls adds it
+Limits  errors in H bias theta towards zero; an error that is the same in all samples (zero, scale, inclination) is not in the covariance: the caller adds it
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ VAGUE = 1e8  # prior variance, in units of the square of each parameter's usual 
 
 @dataclass(frozen=True)
 class Fit:
-    """Parameters of a linear model with their covariance, and what is left."""
+    """Parameters of a linear model with their covariance, and the residuals."""
 
     theta: Array  # (p,)
     covariance: Array  # (p, p)
@@ -84,7 +84,7 @@ class RecursiveLeastSquares:
 
 
 def initial_state(size: Array) -> RecursiveLeastSquares:
-    """Nothing known; `size` (p,) is how large the parameters may be."""
+    """The state before any sample; `size` (p,) is the prior standard deviation of the parameters."""
     prior = VAGUE * np.asarray(size, float) ** 2
     return RecursiveLeastSquares(np.zeros(len(size)), np.diag(prior), prior)
 
@@ -92,7 +92,7 @@ def initial_state(size: Array) -> RecursiveLeastSquares:
 def update(
     state: RecursiveLeastSquares, t: float, y: Array, H: Array, sd: float, memory: float = np.inf
 ) -> RecursiveLeastSquares:
-    """One sample y (m,), H (m, p): what is `memory` s old counts for 1/e."""
+    """Update by one sample y (m,), H (m, p); a sample `memory` s old has the weight 1/e."""
     return run_recursive(state, np.array([t]), y[None], H[None], np.array([sd]), memory)[0]
 
 
@@ -151,7 +151,7 @@ def track_first_parameter(
     memory: float,
     common_sd: Callable[[Array], Array],
 ) -> RunningEstimate:
-    """The first parameter by recursive least squares; `sd` counts samples that err alike as one, `correlated` (of values) is what errs the same in all of them."""
+    """The first parameter by recursive least squares; `sd` counts samples with correlated errors as one, `correlated` (a share of the values) is an error common to all."""
     _, track, spread = run_recursive(initial_state(size), t, y, H, np.full(len(t), sd), memory)
     value = track[:, 0]
     total = np.hypot(spread[:, 0], common_sd(value))

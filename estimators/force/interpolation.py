@@ -1,10 +1,10 @@
-"""A signal sampled slowly, brought to any instants: cubic between its samples, with a standard deviation that says how little was seen.
+"""Interpolation of a slowly sampled signal: a cubic between its samples, with a standard deviation that grows between them.
 
 In      samples y (n, S, 3) at t (n,), NaN where missing, variance of one reading (S,)
 Out     values and standard deviations at the instants wanted (m,)
-Source  Kortier, thesis 6.4: a cubic interpolator feeds the filter. Ours is the same cubic as what a rate of change that wanders at random makes likely
+Source  Kortier, thesis 6.4: a cubic interpolator feeds the filter. Ours is the same cubic as the estimate under a rate of change that is a random walk
         (Wahba 1978: smoothing splines; Kalman filter and Rauch-Tung-Striebel smoother), so that noise is smoothed and gaps get a standard deviation
-Limits  what changes faster than half the rate is not there to be brought back; how much the rate of change wanders is read from the samples near by
+Limits  changes faster than half the sampling rate are lost; the size of the random walk is estimated from the samples near by
 """
 
 from dataclasses import dataclass
