@@ -84,7 +84,7 @@ class RecursiveLeastSquares:
 
 
 def initial_state(size: Array) -> RecursiveLeastSquares:
-    """The state before any sample; `size` (p,) is the prior standard deviation of the parameters."""
+    """The state before any sample: a vague prior around parameters of `size` (p,)."""
     prior = VAGUE * np.asarray(size, float) ** 2
     return RecursiveLeastSquares(np.zeros(len(size)), np.diag(prior), prior)
 
