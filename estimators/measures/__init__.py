@@ -1,4 +1,4 @@
-"""What a clinician reads.
+"""Clinical measures: the figures that a clinician reads, computed from a trajectory, by task.
 
 A new measure is a file beside this and a line in the table (docs/measures.md has what it gives).
 """

@@ -1,4 +1,4 @@
-"""How far angles and tips may be off, where the method does not say so itself.
+"""Standard deviations of angles and tips for methods that give none themselves.
 
 In      a method's name, its calibrations
 Out     standard deviations of joint angles (rad) and of tips (m), for a whole trajectory
@@ -58,7 +58,7 @@ METHODS = {
 
 
 def accuracy_of(method: str, calibrations: Sequence[Calibration] = ()) -> Accuracy:
-    """What to expect of a method, m2's where it has no table, after these calibrations (the worst counts)."""
+    """Accuracy of a method after these calibrations, of which the worst counts; that of m2 where the method has no table."""
     tilt = {
         s: max(c.quality[s].tilt_change for c in calibrations if s in c.quality)
         for c in calibrations
@@ -70,7 +70,7 @@ def accuracy_of(method: str, calibrations: Sequence[Calibration] = ()) -> Accura
 
 
 def with_sd(trajectory: Trajectory, accuracy: Accuracy) -> tuple[Trajectory, str]:
-    """The trajectory with a standard deviation of every angle and tip, and where it is from; wide where a sensor is at fault."""
+    """The trajectory with a standard deviation of every angle and tip, and its source; large where a sensor is at fault."""
     if trajectory.angles_sd is not None and trajectory.tips_sd is not None:
         widened = widen_faulty(trajectory.angles_sd, trajectory.flags)
         return replace(trajectory, angles_sd=widened), OWN

@@ -1,7 +1,7 @@
 """Circles drawn in the air with a straight index finger, from the knuckle: flexion against deviation.
 
 In      a trajectory and the stretch of time of the task; or two angles (n,) in rad: `of_angles`
-Out     turns, rate, half axes of the mean ellipse, its roundness, how far single turns leave it
+Out     turns, rate, half axes of the mean ellipse, its roundness, deviation of single turns from it
 Source  task: Kortier, thesis Table 3.1, no. 15; ellipse from the covariance of both angles (a point that runs evenly round an ellipse has half its squared half axes as
         variances), rate from the angle about its centre: ours
 Limits  the half axes are those of an ellipse run through evenly

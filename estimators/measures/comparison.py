@@ -31,7 +31,7 @@ WHOLE = "whole recording"
 
 @dataclass(frozen=True)
 class Pair:
-    """One quantity as both recordings hold it, at the samples of A; NaN where either does not know it."""
+    """One quantity as both recordings hold it, at the samples of A; NaN where either lacks it."""
 
     name: str  # index_pip_flexion, ..., thumb_index_distance
     unit: Literal["rad", "m"]
@@ -82,7 +82,7 @@ class Agreement:
 
 @dataclass(frozen=True)
 class Consistency:
-    """How far the angular velocity of the estimated orientation is from the gyroscope that it was made of."""
+    """Difference of the angular velocity of the estimated orientation from that of its own gyroscope."""
 
     segment: str
     drms: float  # rad/s, of the norms: free of frames
@@ -90,7 +90,7 @@ class Consistency:
 
     @property
     def share(self) -> float:
-        """dRMS as a share of the largest rate: what the thesis gives in % of maximum; NaN of a segment that hardly turned, where it is noise by noise."""
+        """dRMS as a share of the largest rate: what the thesis gives in % of maximum; NaN of a segment that hardly turned, where it would be a ratio of noises."""
         return self.drms / self.largest if self.largest > TURNED else np.nan
 
 
@@ -199,7 +199,7 @@ def gyroscope_consistency(
 
 
 def _known_angles(trajectory: Trajectory) -> Array:
-    """Angles (n, joints, 3), NaN where a segment's flags say that the instrument does not know them."""
+    """Angles (n, joints, 3), NaN where a segment's flags say that the instrument did not measure them."""
     unknown = (trajectory.flags & UNKNOWN) != 0
     of_joint = np.stack(
         [unknown[:, SEGMENT[j.parent]] | unknown[:, SEGMENT[j.child]] for j in JOINTS], axis=-1

@@ -35,7 +35,7 @@ class CycleWords:
 
 
 def time_kinds(prefix: str, words: CycleWords) -> Mapping[str, Kind]:
-    """Kinds of figures about when."""
+    """Kinds of figures of time: rate and rhythm."""
     one, several = words.one, words.several
     return kinds(
         Kind(f"{prefix}_count", "1", phrase("figure_meaning.cycle_count", cycles=several), RETAP),
@@ -69,7 +69,7 @@ def time_kinds(prefix: str, words: CycleWords) -> Mapping[str, Kind]:
 
 
 def size_kinds(prefix: str, words: CycleWords, unit: str, opening: str) -> Mapping[str, Kind]:
-    """Kinds of figures about how far and how fast; `opening` says what opens."""
+    """Kinds of figures of amplitude and speed; `opening` names what opens."""
     one, several = words.one, words.several
     return kinds(
         Kind(
@@ -127,7 +127,7 @@ def size_kinds(prefix: str, words: CycleWords, unit: str, opening: str) -> Mappi
 
 
 def stop_kinds(prefix: str, angle: str) -> Mapping[str, Kind]:
-    """Kinds of figures about stops of an angle."""
+    """Kinds of figures of interruptions and freezes of an angle."""
     return kinds(
         Kind(
             f"{prefix}_interruptions",

@@ -81,7 +81,7 @@ def measure_cycles(
 
 
 def measure_array(params: Params, t: Array, angle: Array, sd: float | None) -> CycleResult:
-    """The same of plain arrays, the whole of them; InputError where they are no signal."""
+    """Cycles of plain arrays as a whole; InputError where they are no signal."""
     cycles.require_fast(params, t, angle)
     return measure_cycles(params, t, angle, (-np.inf, np.inf), ("good", ""), sd)
 

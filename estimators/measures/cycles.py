@@ -1,10 +1,10 @@
-"""Movements that go there and back again and again - taps, fists, turns of the forearm -, cut into complete cycles.
+"""Repetitive movements - taps, fists, forearm rotation -, cut into complete cycles.
 
 In      times t (n,) s and an opening (n,) in m or rad that is smallest where a cycle begins and ends; sampled anyhow, NaN where unknown
 Out     complete cycles: when, how wide, how fast; how intervals and amplitudes change; stretches of hardly any movement
 Source  closings are minima of prominence >= 25 % of the 5-95 % range, at least 0.1 s apart; linear drift inside each cycle removed, so that a closing is 0: ours,
         after ReTap (Habets 2023, doi 10.3390/s23115238); interruptions and freezes: Islam 2023 (npj Digit Med 6:156), the constants of its code
-Limits  a cycle smaller than a quarter of the range is none; a cycle with a hole longer than `max_gap` is left out of everything
+Limits  a cycle smaller than a quarter of the range is not counted; a cycle with a gap longer than `max_gap` is left out of all figures
 """
 
 from dataclasses import dataclass, field, replace
@@ -137,7 +137,7 @@ def find_cycles(
     smallest: float,
     within: tuple[float, float] = (-np.inf, np.inf),
 ) -> Cycles:
-    """The complete cycles between two instants, looked for in the whole signal."""
+    """The complete cycles between two instants; closings are found in the whole signal."""
     signal = resample_even(t, opening, params.max_gap, params.lowpass)
     closed, counts = _closings_within(params, signal, smallest, within), []
     for share in (0.8, 1.2):
@@ -224,7 +224,7 @@ def find_closings(params: Params, signal: Even, smallest: float) -> np.ndarray:
 def find_stops(
     params: Params, t: Array, angle: Array, within: tuple[float, float], share: float = 1.0
 ) -> Stops:
-    """Where an angle (rad) changes by at most a share of `still_speed` for `interruption` or longer, between two instants."""
+    """Stretches between two instants in which an angle (rad) changes by at most a share of `still_speed`, for `interruption` or longer."""
     signal = resample_even(t, angle, params.max_gap, params.lowpass)
     slow = (
         (np.abs(signal.slope()) <= share * params.still_speed)

@@ -1,4 +1,4 @@
-"""Where in a task its repetitions are: every time that the hand leaves the posture in which the task began and comes back.
+"""Repetitions within a task: excursions of the hand from the posture in which the task began, and back.
 
 In      a trajectory and the stretch of time of a task; or what a measure cut into cycles, which is taken as it is
 Out     spans (start, stop) s, in order, that touch where the hand was nearest to where it began

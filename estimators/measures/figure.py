@@ -1,4 +1,4 @@
-"""One number that a clinician reads, with what is needed to trust it."""
+"""A figure: one number that a clinician reads, with standard deviation, grade and reason."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -137,7 +137,7 @@ def _angle_jacobians(angles: Array, q_pc: Array) -> tuple[Array, Array]:
 
 
 def _own_covariance(moved: Trajectory, calibration: Calibration, u: Array, u_0: Array) -> Array:
-    """What each sensor errs by for itself (n, segments, 3, 3): accelerometer bias, vertical of the fusion, drift of the heading, skin, unrest in the pose."""
+    """Covariance of the independent error of each sensor's orientation (n, segments, 3, 3): accelerometer bias, vertical of the fusion, drift of the heading, skin, unrest in the pose."""
     away = u - u_0
     acc = (PARAMS.acc_bias / GRAVITY) ** 2
     tilt = np.array(
@@ -154,7 +154,7 @@ def _own_covariance(moved: Trajectory, calibration: Calibration, u: Array, u_0: 
 
 
 def _skin(angles: Array) -> Array:
-    """Variance (n, segments) about each axis of what skin turns the child's sensor of a bent joint by."""
+    """Variance (n, segments) about each axis of the soft-tissue artefact of the child's sensor of a bent joint."""
     size = np.radians(PARAMS.skin) / (np.pi / 2) / np.sqrt(3.0)
     found = np.zeros((len(angles), len(SEGMENTS)))
     flexion = np.nan_to_num(angles[..., FLEXION])  # an unknown joint counts as straight

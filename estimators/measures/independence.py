@@ -1,4 +1,4 @@
-"""How far one finger bends without its neighbours.
+"""Finger independence: how far one finger bends without its neighbours.
 
 In      a trajectory, the stretch of time of the task, which finger was asked for and when: marks named after fingers, or the task's name or details
 Out     per finger asked for: individuation index, enslaving of every neighbour, range of independent movement

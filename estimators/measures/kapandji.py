@@ -1,4 +1,4 @@
-"""Opposition of the thumb: which of Kapandji's places its tip or pad comes to, 0 to 10.
+"""Kapandji score of thumb opposition: which of the ten places its tip or pad reaches, 0 to 10.
 
 In      a trajectory, the stretch of time of the task, the hand's geometry; marks position_1 to position_10 where the places were called
 Out     the highest place reached, the smallest distance to each, palmar abduction and pronation of the metacarpal meanwhile

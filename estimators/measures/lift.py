@@ -1,4 +1,4 @@
-"""Lifting an object: grip and load, each finger's share, timing, how heavy it seems to be.
+"""Lifting an object: grip force, load force, each finger's share, timing, estimated mass.
 
 In      a trajectory with fingertip forces, the stretch of time of the task
 Out     means over the lifts: grip force, load force, their ratio, shares, times of the phases, height, work, mass with its standard deviation
@@ -221,8 +221,8 @@ class MassEstimate:
 def estimate_mass(params: Params, h: GraspPhase, used: Bools) -> MassEstimate:
     """The mass from all samples at once and as it stood after each of them. (6.5), (6.8)
 
-    What carries part of the object leaves m g - support while it rests and m (g + a) - support while it does not: the slope of the load over the
-    specific force is the mass, what the line begins with the support. What is added or taken away meanwhile makes the mass grow or shrink over time.
+    With a support that carries part of the object the load is m g - support at rest and m (g + a) - support in movement: over the specific force the
+    load is a line whose slope is the mass and whose intercept is the support. A support that changes meanwhile lets the estimated mass drift.
     """
     net, s, up = h.net[used], h.lifting[used], h.up[used]
     unknown = np.full(int(used.sum()), QUIET)
