@@ -9,6 +9,7 @@ Limits  a cuff holds both sensors rigidly (6.2): the force sensor's mounting fol
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -120,47 +121,29 @@ def attach_forces(
     q_GF, acc, gyr = _cuff_states(
         trajectory, blocks, _apply_calibrated_axes(mounting, blocks), calibrations, fingers
     )
+    cuffs = _Cuffs(trajectory.t, q_GF, force, acc, gyr, sd, scale)
     found = contact.find_grasps(
         params, trajectory.t, np.linalg.norm(force, axis=2), contact.thumb_column(fingers)
     )
     unknown = (aligning.tip_sd**2 + aligning.cuff_sd**2) * DEG**2
-    turn, inertial, covariance = (
-        *np.zeros((2, *force.shape[:2], 3)),
+    corrections = _Corrections(
+        np.zeros(force.shape),
+        np.zeros(force.shape),
         np.tile(np.eye(3) * unknown, (*force.shape[:2], 1, 1)),
     )
-    known = np.asarray(np.isfinite(q_GF).all(axis=2))
     for grasp, following in zip(found, [*found[1:], None]):
         a, b = np.searchsorted(trajectory.t, [grasp.onset, grasp.end])
         flags[a:b, _find_unreleased(params, sensors, read, trajectory.t, grasp, following)] |= (
             np.uint8(ForceFlag.DRIFT)
         )
-        here = np.flatnonzero(known[a:b].all(axis=0))
-        if b - a > 3 and len(here) >= 2:
-            correction = tip_orientation.correct_orientations(
-                aligning, Tips(trajectory.t[a:b], *(v[a:b, here] for v in (q_GF, force, acc, gyr)))
-            )
-            for j, s in enumerate(here):
-                turn[a:b, s], inertial[a:b, s] = correction.turn[:, j], correction.inertial[:, j]
-                covariance[a:b, s] = correction.covariance[:, 3 * j : 3 * j + 3, 3 * j : 3 * j + 3]
-            if np.nanmedian(correction.unbalanced) > params.doubt:
-                flags[a:b, here] |= np.uint8(ForceFlag.UNBALANCED)
-            pushed, specific = (
-                quat.rotate(quat.multiply(quat.exp(by), q_GF[a:b, here]), v[a:b, here])
-                for by, v in ((correction.turn, force), (correction.inertial, acc))
-            )
-            rest, rest_sd = force_balance.residual_along_push(
-                pushed, specific, correction.covariance, sd[a:b, here], scale[here]
-            )
-            if abs(rest) > params.shared * rest_sd:
-                flags[a:b, here] |= np.uint8(ForceFlag.SHARED)
-    q, q_inertial = (quat.multiply(quat.exp(by), q_GF) for by in (turn, inertial))
-    flags[~known] |= np.uint8(ForceFlag.UNORIENTED)
+        _correct_within_grasp(params, aligning, cuffs, grasp, corrections, flags)
+    q, q_inertial = (
+        quat.multiply(quat.exp(by), q_GF) for by in (corrections.turn, corrections.inertial)
+    )
+    flags[~cuffs.known] |= np.uint8(ForceFlag.UNORIENTED)
     own, in_global = quat.rotate(q_inertial, acc), quat.rotate(q, force)
-    skew = quat.skew(in_global)
-    turned = np.einsum("nsij,nsjk,nsik->nsi", skew, covariance, skew)
     common_sd, total = (
-        np.sqrt(own_sd[..., None] ** 2 + (scale[:, None] * in_global) ** 2 + turned)
-        for own_sd in (zero_sd, sd)
+        _force_sd(in_global, own_sd, scale, corrections.covariance) for own_sd in (zero_sd, sd)
     )
     spread = _FingerColumns(len(trajectory), rows)
     with np.errstate(invalid="ignore"):
@@ -177,8 +160,80 @@ def attach_forces(
         else None,
         lifting=lifting,
     )
-    twisted, doubts = _with_torques(params, felt, spread, blocks, sensors, read, q, covariance)
+    twisted, doubts = _with_torques(
+        params, felt, spread, blocks, sensors, read, q, corrections.covariance
+    )
     return twisted, [*_describe_doubts(fingers, flags, trajectory.t, found), *doubts]
+
+
+@dataclass(frozen=True)
+class _Cuffs:
+    """Forces of S sensors and the states of their cuffs at n instants, in the force sensors' frames."""
+
+    t: Array  # (n,) s
+    q_GF: Array  # (n, S, 4)
+    force: Array  # (n, S, 3) N
+    acc: Array  # (n, S, 3) m/s^2, specific force
+    gyr: Array  # (n, S, 3) rad/s
+    sd: Array  # (n, S) N, of the force in each axis
+    scale: Array  # (S,) standard deviation of the scale
+
+    @cached_property
+    def known(self) -> Bools:
+        """Where the orientation is known (n, S)."""
+        return np.asarray(np.isfinite(self.q_GF).all(axis=2))
+
+
+@dataclass(frozen=True)
+class _Corrections:
+    """Corrections of the cuffs' orientations, filled grasp by grasp."""
+
+    turn: Array  # (n, S, 3) rad, of the force sensor in the global frame
+    inertial: Array  # (n, S, 3) rad, of the inertial sensor
+    covariance: Array  # (n, S, 3, 3) rad^2, of the force sensor's orientation
+
+
+def _correct_within_grasp(
+    params: ForceParams,
+    aligning: ForceParams,
+    cuffs: _Cuffs,
+    grasp: Grasp,
+    corrections: _Corrections,
+    flags: NDArray[Any],
+) -> None:
+    """Fill the corrections by the balance of forces in a grasp; flag forces (n, S) that do not balance, or that a finger without a sensor may share."""
+    a, b = np.searchsorted(cuffs.t, [grasp.onset, grasp.end])
+    here = np.flatnonzero(cuffs.known[a:b].all(axis=0))
+    if b - a <= 3 or len(here) < 2:
+        return
+    q_GF, force, acc, gyr = (v[a:b, here] for v in (cuffs.q_GF, cuffs.force, cuffs.acc, cuffs.gyr))
+    found = tip_orientation.correct_orientations(
+        aligning, Tips(cuffs.t[a:b], q_GF, force, acc, gyr)
+    )
+    for j, s in enumerate(here):
+        corrections.turn[a:b, s], corrections.inertial[a:b, s] = (
+            found.turn[:, j],
+            found.inertial[:, j],
+        )
+        corrections.covariance[a:b, s] = found.covariance[:, 3 * j : 3 * j + 3, 3 * j : 3 * j + 3]
+    if np.nanmedian(found.unbalanced) > params.doubt:
+        flags[a:b, here] |= np.uint8(ForceFlag.UNBALANCED)
+    pushed, specific = (
+        quat.rotate(quat.multiply(quat.exp(by), q_GF), v)
+        for by, v in ((found.turn, force), (found.inertial, acc))
+    )
+    rest, rest_sd = force_balance.residual_along_push(
+        pushed, specific, found.covariance, cuffs.sd[a:b, here], cuffs.scale[here]
+    )
+    if abs(rest) > params.shared * rest_sd:
+        flags[a:b, here] |= np.uint8(ForceFlag.SHARED)
+
+
+def _force_sd(force: Array, sd: Array, scale: Array, covariance: Array) -> Array:
+    """Standard deviation (n, S, 3) N of forces in the global frame: from that of a reading (n, S), of the scale (S,) and of the orientation (n, S, 3, 3)."""
+    skew = quat.skew(force)
+    turned = np.einsum("nsij,nsjk,nsik->nsi", skew, covariance, skew)
+    return np.asarray(np.sqrt(sd[..., None] ** 2 + (scale[:, None] * force) ** 2 + turned))
 
 
 def estimate_zeros(params: ForceParams, blocks: Sequence[Block]) -> dict[str, Array]:
