@@ -61,7 +61,8 @@ def untested(
     """
     compared = compared or Compared(blocks, declared, calibrations)
     by_gravity = _shown_by_gravity(compared.cells)
-    pairs, rates = compared.pairs, compared.rates
+    views = compared.views
+    rates, shaking = (views.rates, views.vibration) if views else (None, None)
     sensors = [
         s
         for s, shown in by_gravity.items()
@@ -72,14 +73,10 @@ def untested(
         for finger, chain in CHAINS.items()
         if set(chain) <= set(by_gravity) and not set(chain) & set(named)
     ]
-    together = set() if pairs is None else set(synchrony.comparable_fingers(pairs, LATE))
+    together = set(synchrony.comparable_fingers(views.signals, LATE)) if views else set()
     return Untested(
         tuple(sensors),
-        tuple(
-            f
-            for f in strips
-            if f not in together and not _delay_shows(rates, compared.vibration, f)
-        ),
+        tuple(f for f in strips if f not in together and not _delay_shows(rates, shaking, f)),
     )
 
 

@@ -29,6 +29,7 @@ from handscope.estimators.fault_detection.neighbours import (
 from handscope.estimators.fault_detection.neighbours.joint_places import Bone, Verdict
 from handscope.estimators.fault_detection.neighbours.rates import rate_tests, synchrony
 from handscope.estimators.fault_detection.neighbours.rates.common_rates import CommonRates
+from handscope.estimators.fault_detection.neighbours.rates.synchrony import Signals
 from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
 from handscope.estimators.fault_detection.neighbours.suspicions import (
     of_delay,
@@ -78,6 +79,28 @@ def prepare_pairs(
 
 
 @dataclass(frozen=True)
+class Views:
+    """What pairs show in other ways than by the acceleration of their joints, each computed when first asked for, once."""
+
+    pairs: Pairs
+
+    @cached_property
+    def rates(self) -> CommonRates:
+        """What neighbours' rates have in common."""
+        return CommonRates(self.pairs)
+
+    @cached_property
+    def vibration(self) -> Vibration:
+        """What neighbours vibrate together."""
+        return Vibration(self.pairs)
+
+    @cached_property
+    def signals(self) -> Signals | None:
+        """What bends together."""
+        return synchrony.signals_of(self.pairs)
+
+
+@dataclass(frozen=True)
 class Compared:
     """Sensors of one recording as several checks compare them: computed when first asked for, once."""
 
@@ -97,37 +120,13 @@ class Compared:
         return prepare_pairs(self.blocks, declared.geometry, declared.mounting, self.calibrations)
 
     @cached_property
-    def rates(self) -> CommonRates | None:
-        """What neighbours' rates have in common."""
-        return None if self.pairs is None else CommonRates(self.pairs)
-
-    @cached_property
-    def vibration(self) -> Vibration | None:
-        """What neighbours vibrate together."""
-        return None if self.pairs is None else Vibration(self.pairs)
+    def views(self) -> Views | None:
+        """None where there are no pairs."""
+        return None if self.pairs is None else Views(self.pairs)
 
 
-def check_neighbours(
-    blocks: Sequence[Block],
-    hand: Hand,
-    geometry: HandGeometry,
-    mounting: Mapping[str, Array],
-    calibrations: Sequence[Calibration],
-    events: Sequence[Event],
-    pairs: Pairs | None = None,
-    rates: CommonRates | None = None,
-    vibrating: Vibration | None = None,
-) -> list[Suspicion]:
-    """Check neighbouring sensors against each other: exchanged, late, slipped.
-
-    Parameters
-    ----------
-    blocks : sequence of Block
-        Samples of all streams.
-    hand, geometry, mounting, calibrations, events
-        What is declared and known of the recording; the hand itself is asked by `check_hand`.
-    pairs, rates, vibrating : optional
-        Of the same recording, where several checks share them.
+def check_neighbours(views: Views, geometry: HandGeometry) -> list[Suspicion]:
+    """Check neighbouring sensors against each other: exchanged, late, slipped; the declared hand itself is asked by `check_hand`.
 
     Returns
     -------
@@ -135,17 +134,16 @@ def check_neighbours(
         With a correction where one answer is left: `exchange` (two segments), `order` (sensor that sits on a segment, by segment), `delay` (s, to be
         subtracted from the sensors' times), `turn` (4,) from `start` (s) on: rotation that takes vectors of the sensor's later frame to its earlier one.
     """
-    pairs = pairs or prepare_pairs(blocks, geometry, mounting, calibrations)
-    if pairs is None or not pairs.explains:
+    pairs = views.pairs
+    if not pairs.explains:
         return []
     if _behind_the_wrist(geometry):
         return []  # so are its joint positions told by `check_hand`
     if (verdict := _verdict(pairs, geometry)[0]) is not None and verdict.kind == "hand":
         return []  # `check_hand` tells it; every joint lies elsewhere than expected
-    rates = rates or CommonRates(pairs)
-    every = [*unexplained.find(pairs), *rate_tests.find_unexplained(rates)]
+    every = [*unexplained.find(pairs), *rate_tests.find_unexplained(views.rates)]
     odd = _once([u for u in every if u.p_value < FALSE_ALARM])
-    named = _named(pairs, rates, vibrating or Vibration(pairs), [u.joint for u in odd])
+    named = _named(views, [u.joint for u in odd])
     return named + [
         of_unexplained(u)
         for u in odd
@@ -159,10 +157,9 @@ def _once(odd: Sequence[Unexplained]) -> list[Unexplained]:
     return list(least.values())
 
 
-def _named(
-    pairs: Pairs, rates: CommonRates, vibrating: Vibration, odd: Sequence[tuple[str, str]]
-) -> list[Suspicion]:
+def _named(views: Views, odd: Sequence[tuple[str, str]]) -> list[Suspicion]:
     """Faults that are named; at joints that are surely odd the most probable cause needs less evidence."""
+    pairs, rates = views.pairs, views.rates
 
     def is_sure(cause: _Cause) -> bool:
         at_odd_joint = any(set(joint) & set(cause.sensors) for joint in odd)
@@ -182,13 +179,15 @@ def _named(
     known = [s for c in late if is_sure(c) for s in c.sensors]
     late += [_Cause(d.sensors, d.gain, of_delay(d)) for d in rate_tests.find_delays(rates, known)]
     known = [s for c in late if is_sure(c) for s in c.sensors]
-    late += [_Cause(d.sensors, d.gain, of_delay(d)) for d in vibration.find(vibrating, known)]
+    late += [_Cause(d.sensors, d.gain, of_delay(d)) for d in vibration.find(views.vibration, known)]
     named = _most_probable(
         pairs, [c for c in single if is_sure(c)], [c for c in late if is_sure(c)]
     )
     accused = [s for t in named for s in t.sensors]
     named += [
-        of_delay(d) for d in synchrony.find(pairs, accused) if d.p_value < synchrony.FALSE_ALARM
+        of_delay(d)
+        for d in synchrony.find(views.signals, accused)
+        if d.p_value < synchrony.FALSE_ALARM
     ]
     slipped = [
         s
@@ -234,14 +233,22 @@ def check(
     events: Sequence[Event],
     compared: Compared | None = None,
 ) -> list[Suspicion]:
-    """Both checks of one recording: as `check_neighbours`, then `check_hand` without bones of fingers in which something else is wrong."""
+    """Both checks of one recording: `check_neighbours`, then `check_hand` without bones of fingers in which something else is wrong.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+        Samples of all streams.
+    hand, geometry, mounting, calibrations, events
+        What is declared and known of the recording.
+    compared : Compared, optional
+        Of the same recording, where several checks share it.
+    """
     pairs = compared.pairs if compared else prepare_pairs(blocks, geometry, mounting, calibrations)
-    rates, vibrating = (compared.rates, compared.vibration) if compared else (None, None)
     if pairs is None or _behind_the_wrist(geometry):
         return check_hand(blocks, hand, geometry, mounting, calibrations, events, pairs)
-    suspicions = check_neighbours(
-        blocks, hand, geometry, mounting, calibrations, events, pairs, rates, vibrating
-    )
+    views = compared.views if compared else None
+    suspicions = check_neighbours(views or Views(pairs), geometry)
     wrong = {_limb(s) for t in suspicions for s in t.sensors}
     of_hand = check_hand(blocks, hand, geometry, mounting, calibrations, events, pairs)
     if wrong:  # what is wrong with a finger moves its knuckle, too
@@ -265,7 +272,7 @@ def check_hand(
 ) -> list[Suspicion]:
     """Check the sensors against the declared hand: fingers exchanged, the other hand, its joint positions, bones of another size.
 
-    Parameters are those of `check_neighbours`.
+    Parameters are those of `check`.
 
     Returns
     -------

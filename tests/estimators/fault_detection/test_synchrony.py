@@ -84,7 +84,7 @@ def test_the_two_others_of_its_finger_show_a_late_middle_sensor() -> None:
     blocks = of_one_finger((one, lambda t: two(t - 0.15), lambda t: 1.3 * two(t)))
     pairs = neighbours.prepare_pairs(blocks, GEOMETRY, {}, [])
     assert pairs is not None
-    (late,) = synchrony.find(pairs)
+    (late,) = synchrony.find(synchrony.signals_of(pairs))
     assert late.sensors == ("index_middle",) and late.p_value < synchrony.FALSE_ALARM
     assert late.late == pytest.approx(0.15, abs=0.02)
 
@@ -105,7 +105,9 @@ def test_a_strip_that_is_late_while_the_hand_turns_is_named_against_the_others()
         values[:, k, 2] += bends * np.sin(2 * np.pi * 0.4 * (at - 0.5))
     pairs = neighbours.prepare_pairs([Block(rest.stream, t, values)], GEOMETRY, {}, [])
     assert pairs is not None
-    (late,) = [d for d in synchrony.find(pairs) if d.p_value < synchrony.FALSE_ALARM]
+    (late,) = [
+        d for d in synchrony.find(synchrony.signals_of(pairs)) if d.p_value < synchrony.FALSE_ALARM
+    ]
     assert late.sensors == CHAINS["ring"] and late.late == pytest.approx(0.15, abs=0.03)
 
 
@@ -116,7 +118,9 @@ def test_joints_of_a_finger_that_follow_each_other_are_not_late(behind: float) -
     blocks = of_one_finger((mcp, lambda t: mcp(t) + pip(t), lambda t: mcp(t) + pip(t) + dip(t)))
     pairs = neighbours.prepare_pairs(blocks, GEOMETRY, {}, [])
     assert pairs is not None
-    assert [d for d in synchrony.find(pairs) if d.p_value < synchrony.FALSE_ALARM] == []
+    assert [
+        d for d in synchrony.find(synchrony.signals_of(pairs)) if d.p_value < synchrony.FALSE_ALARM
+    ] == []
 
 
 @pytest.mark.parametrize(
@@ -155,7 +159,7 @@ def test_fingers_that_follow_a_turning_hand_by_a_phase_are_not_late() -> None:
         blocks.append(Block(block.stream, t, values[:, :, : block.values.shape[2]]))
     pairs = neighbours.prepare_pairs(blocks, GEOMETRY, {}, [])
     assert pairs is not None
-    assert synchrony.find(pairs) == []
+    assert synchrony.find(synchrony.signals_of(pairs)) == []
 
 
 def _fast_fist(late: float) -> list[Block]:
@@ -175,8 +179,10 @@ def _fast_fist(late: float) -> list[Block]:
 def test_a_rhythm_does_not_test_a_lag_of_half_its_period() -> None:
     pairs = neighbours.prepare_pairs(_fast_fist(0.0), GEOMETRY, {}, [])
     assert pairs is not None
-    assert set(synchrony.comparable_fingers(pairs, (0.1, -0.1))) >= set(CHAINS) - {"thumb"}
-    assert synchrony.comparable_fingers(pairs, (0.2, -0.2)) == []
+    assert set(synchrony.comparable_fingers(synchrony.signals_of(pairs), (0.1, -0.1))) >= set(
+        CHAINS
+    ) - {"thumb"}
+    assert synchrony.comparable_fingers(synchrony.signals_of(pairs), (0.2, -0.2)) == []
 
 
 @pytest.mark.parametrize(("late", "named"), [(0.1, [CHAINS["index"]]), (0.0, [])])
@@ -185,6 +191,8 @@ def test_a_thumb_half_a_period_off_contradicts_no_lag_of_a_rhythm(
 ) -> None:
     pairs = neighbours.prepare_pairs(_fast_fist(late), GEOMETRY, {}, [])
     assert pairs is not None
-    delays = [d for d in synchrony.find(pairs) if d.p_value < synchrony.FALSE_ALARM]
+    delays = [
+        d for d in synchrony.find(synchrony.signals_of(pairs)) if d.p_value < synchrony.FALSE_ALARM
+    ]
     assert [d.sensors for d in delays] == named
     assert all(abs(d.late - late) < 0.02 for d in delays)

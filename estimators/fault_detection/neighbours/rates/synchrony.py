@@ -72,7 +72,7 @@ class _LagFit:
 
 
 @dataclass(frozen=True)
-class _Signals:
+class Signals:
     """Rates about each sensor's main axis, rad/s, in the chosen windows; a strip's are those of its last sensor, which turns with all joints."""
 
     lags: Array  # (L,) s
@@ -122,15 +122,12 @@ def _unexplained_share(product: Array, later: Array, now: Array) -> Array:
     return np.asarray(1.0 - product**2 / np.maximum(later * now, 1e-12))
 
 
-def find(pairs: Pairs, faulty: Sequence[str] = ()) -> list[Delay]:
+def find(signals: Signals | None, faulty: Sequence[str] = ()) -> list[Delay]:
     """Late sensors of fingers, else late strips, with the probability of such lags if nothing is late.
 
     Fingers with a sensor that is known to be faulty are left out.
     """
-    if "hand" not in pairs.series.sensors:
-        return []
-    signals = _signals(pairs)
-    if len(signals.t) < paired_test.FEWEST or not signals.now:
+    if signals is None:
         return []
     free = {
         f: tuple(s for s in chain if s in signals.now)
@@ -153,12 +150,9 @@ def find(pairs: Pairs, faulty: Sequence[str] = ()) -> list[Delay]:
     return [*single, *_best_spans(signals, together, spans, unexplained)]
 
 
-def comparable_fingers(pairs: Pairs, lags: Sequence[float]) -> list[str]:
+def comparable_fingers(signals: Signals | None, lags: Sequence[float]) -> list[str]:
     """Fingers whose strip moves together with enough others for these lags (s) to show: a rhythm looks the same half a period later, but for its sign."""
-    if "hand" not in pairs.series.sensors:
-        return []
-    signals = _signals(pairs)
-    if len(signals.t) < paired_test.FEWEST or not signals.now:
+    if signals is None:
         return []
     last = {f: chain[-1] for f, chain in CHAINS.items() if set(chain) <= set(signals.names)}
     (whole,) = signals.unexplained_shares(_spans(signals.t)[:1])
@@ -172,7 +166,15 @@ def comparable_fingers(pairs: Pairs, lags: Sequence[float]) -> list[str]:
     return [finger for finger, is_enough in zip(last, enough) if is_enough]
 
 
-def _signals(pairs: Pairs) -> _Signals:
+def signals_of(pairs: Pairs) -> Signals | None:
+    """Rates of what bends, for several checks of one recording; None where there is too little of them, or no hand's."""
+    if "hand" not in pairs.series.sensors:
+        return None
+    signals = _signals(pairs)
+    return signals if signals.now and len(signals.t) >= paired_test.FEWEST else None
+
+
+def _signals(pairs: Pairs) -> Signals:
     s = pairs.series
     m, by = round(joint_windows.LENGTH * joint_windows.RATE), joint_windows.AVERAGED
     names = [n for chain in CHAINS.values() for n in chain if n in s.sensors]
@@ -208,7 +210,7 @@ def _signals(pairs: Pairs) -> _Signals:
             now[name] = rate[rows] - about_z[rows]
             later[name] = rate[rows + shift[:, None, None]] - about_z[rows]
             use[name], hand_leakage[name] = there.astype(float), (MISALIGNED * of_hand) ** 2
-    return _Signals(lags, now, later, s.t[first * m], use, hand_leakage, frozenset(flexing))
+    return Signals(lags, now, later, s.t[first * m], use, hand_leakage, frozenset(flexing))
 
 
 def _about_z(pairs: Pairs, name: str, by: int) -> Array:
@@ -229,7 +231,7 @@ def _spans(t: Array) -> list[tuple[float, float]]:
 
 
 def _best_spans(
-    signals: _Signals,
+    signals: Signals,
     groups: Sequence[_Comparison],
     spans: Sequence[tuple[float, float]],
     unexplained: Sequence[Array],
@@ -238,10 +240,11 @@ def _best_spans(
     tests = len(groups) * round(2 * FURTHEST / LEAST)  # lags nearer are one
     found = []
     for group, others in groups:
+        own, *columns = (signals.names.index(g[-1]) for g in (group, *others))
         tried = [
             _test_span(signals, group, others, span)
             for span, rest in zip(spans, unexplained)
-            if _may_have_lag(signals, rest, group, others)
+            if _may_have_lag(signals.lags, rest[own][:, columns], group, others)
         ]
         sure = [d for d in tried if d is not None]
         if sure:
@@ -258,7 +261,7 @@ def _best_spans(
 
 
 def _refined_spans(
-    signals: _Signals, others: list[tuple[str, ...]], found: Delay
+    signals: Signals, others: list[tuple[str, ...]], found: Delay
 ) -> Iterator[tuple[float, float]]:
     """The two parts of a span, from some window on and up to some window, that gain most by the lag."""
     inside = ((signals.t >= found.span[0]) & (signals.t < found.span[1])).astype(float)
@@ -271,13 +274,11 @@ def _refined_spans(
 
 
 def _may_have_lag(
-    signals: _Signals, unexplained: Array, group: tuple[str, ...], others: Sequence[tuple[str, ...]]
+    lags: Array, unexplained: Array, group: tuple[str, ...], others: Sequence[tuple[str, ...]]
 ) -> bool:
-    """Whether enough others explain the rate of a group within a span (`unexplained` shares of it), and best with a lag."""
-    own = signals.names.index(group[-1])
-    of_others = unexplained[own][:, [signals.names.index(o[-1]) for o in others]]
-    lag = np.abs(signals.lags[of_others.argmin(axis=0)])
-    coherent = (of_others.min(axis=0) < PREFILTER) & (lag >= LEAST - SPREAD)
+    """Whether enough others explain the rate of a group within a span (`unexplained` shares (L, others) of it), and best with a lag."""
+    lag = np.abs(lags[unexplained.argmin(axis=0)])
+    coherent = (unexplained.min(axis=0) < PREFILTER) & (lag >= LEAST - SPREAD)
     return _are_sufficient(group, [o for o, tells in zip(others, coherent) if tells])
 
 
@@ -296,7 +297,7 @@ def _are_sufficient(group: tuple[str, ...], coherent: Sequence[tuple[str, ...]])
 
 
 def _test_span(
-    signals: _Signals,
+    signals: Signals,
     group: tuple[str, ...],
     others: list[tuple[str, ...]],
     span: tuple[float, float],
@@ -338,7 +339,7 @@ def _test_span(
 
 
 def _is_half_a_period_off(
-    signals: _Signals, group: tuple[str, ...], fit: _LagFit, lag: float
+    signals: Signals, group: tuple[str, ...], fit: _LagFit, lag: float
 ) -> bool:
     """Whether another lag explains a rhythm as well with the other sign, where the sign is not known: such a fit neither confirms the lag nor contradicts it."""
     if {group[-1], fit.other[-1]} <= signals.flexing or abs(fit.lag - lag) <= SPREAD + 1e-9:
@@ -355,7 +356,7 @@ def _consensus_lag(lags: Array) -> float:
 
 
 def _fit_lag(
-    signals: _Signals, group: tuple[str, ...], other: tuple[str, ...], inside: Array
+    signals: Signals, group: tuple[str, ...], other: tuple[str, ...], inside: Array
 ) -> _LagFit | None:
     """Residual of a group's rate after regression on another group's, at every lag; None where either hardly moves, or trembles."""
     use = (inside * np.prod([signals.use[s] for s in (*group, *other)], axis=0)).astype(bool)
