@@ -91,7 +91,7 @@ function facts(rows) {
 /** A strip a row: sensors, rate, samples lost and their share. */
 function table(strips) {
   const row = ({ name, sensors, rate, samples, lost }) => {
-    const share = lost && samples ? ` (${decimal((100 * lost) / (samples + lost), 2)}\u00a0%)` : "";
+    const share = lost && samples ? ` (${decimal((100 * lost) / (samples + lost), 2)} %)` : "";
     const gone = lost === null ? t("devices.unknown") : whole(lost) + share;
     const cells = [whole(sensors), t("unit.per_second_of", { rate: Math.round(rate) }), gone];
     return h("tr", {}, h("th", { scope: "row" }, stripWords(name)), cells.map((cell) => h("td", { class: "number" }, cell)));
