@@ -9,7 +9,7 @@ Limits  a hand that is not accelerated sideways tells nothing; lever arms and ac
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +34,9 @@ LEVER, ACC_BIAS, ACC_SCALE = 0.06, 0.1, 0.005
 PRIOR = np.repeat([LEVER, ACC_BIAS, ACC_SCALE], [6, 6, 18]) ** 2
 FORGOTTEN = 36000.0  # s after which nothing is known any more: seats and skin change
 ASSUMED = 2.0  # blocks that noise as expected counts as
-UNLIKELY = 9.0  # squared sd beyond which a block is downweighted
+UNLIKELY = (
+    9.0  # squared sd beyond which a block is downweighted, unless the next one agrees with it
+)
 FIRST = slice(0, 3)  # error states of the chain's first joint
 
 
@@ -55,6 +57,10 @@ class JointAcceleration:
     unknowns: Array  # (UNKNOWNS,) m, m/s^2, 1
     P: Array  # (UNKNOWNS, UNKNOWNS)
     noise_stats: Array  # (2,) weighted sum of squared innovations over what was expected of them, and of weights
+    rejected: float = math.nan  # rad, innovation of the block before if it was too unlikely
+    pending_stats: Array = field(
+        default_factory=lambda: np.zeros(2)
+    )  # its noise_stats, which count unless the next block agrees with it
 
 
 def begin(
@@ -95,27 +101,41 @@ def close(
     if energy <= 0:
         return state, thumb
     share = normal[HEADING, :UNKNOWNS] / energy
-    seen = float(normal[HEADING, DIFFERENCE] / energy - share @ state.unknowns)
+    tangent = float(normal[HEADING, DIFFERENCE] / energy - share @ state.unknowns)
+    # two vectors an angle apart differ by twice its half's tangent of their mean
+    seen = 2 * math.atan(tangent / 2)
     own = float(up @ thumb.P[FIRST, FIRST] @ up)
     systematic = float(share @ state.P @ share)
-    density = noise_density(noise, residual(state, normal, seen))
+    density = noise_density(noise, residual(state, normal, tangent))
     variance = excess(state.noise_stats) * density / (energy * BOX) + 0.5 * own**2
     # the heading that is believed is that of the middle of the block
     moved = wrapped(heading_between(thumb.q_pc[0], q_EB) - state.heading)
     innovation, S = seen - 0.5 * moved, own + systematic + variance
-    ratio = (innovation**2 - own - systematic) * energy * BOX / density
+    squared = min(innovation**2, UNLIKELY * S)
+    ratio = (squared - own - systematic) * energy * BOX / density
     weight = (variance / S) ** 2
+    is_unlikely = innovation**2 > UNLIKELY * S
+    repeats = abs(innovation - state.rejected) < 3 * math.sqrt(2 * (systematic + variance))
+    P_thumb = thumb.P.copy()
+    if is_unlikely and repeats:  # two blocks agree that the filter's own heading is what is wrong
+        P_thumb[FIRST, FIRST] += innovation**2 * np.outer(up, up)
+        S += innovation**2
+    elif is_unlikely:
+        S = innovation**2
     unknowns, P = _learnt(state, normal, share, variance * energy, t)
+    rejects, own_stats = is_unlikely and not repeats, weight * np.array([ratio, 1.0])
     state = replace(
         state,
         unknowns=unknowns,
         P=P,
-        noise_stats=state.noise_stats + weight * np.array([ratio, 1.0]),
+        noise_stats=state.noise_stats
+        + (np.zeros(2) if repeats else state.pending_stats)
+        + (np.zeros(2) if is_unlikely else own_stats),
+        rejected=innovation if rejects else math.nan,
+        pending_stats=own_stats if rejects else np.zeros(2),
     )
-    if innovation**2 > UNLIKELY * S:
-        S = innovation**2
-    gain = thumb.P[:, FIRST] @ up / S
-    P_thumb = thumb.P - S * np.outer(gain, gain)
+    gain = P_thumb[:, FIRST] @ up / S
+    P_thumb -= S * np.outer(gain, gain)
     return state, chain_estimates.corrected(thumb, gain * innovation, P_thumb)
 
 

@@ -72,12 +72,12 @@ def _up(q_EB: Array) -> Array:
 
 
 def _blocks(
-    readings: Readings, q: Array, off: float, sd: float
+    readings: Readings, q: Array, off: float, sd: float, alternating: bool = False
 ) -> list[tuple[JointAcceleration, Estimates, float]]:
     """A thumb that is `off` anew in every block of EVERY seconds: what each block leaves, and of its heading."""
     n, found, state = int(EVERY * RATE), [], None
     for first in range(0, len(readings.t) - n, n):
-        last = first + n
+        last, off = first + n, -off if alternating else off
         begun = quat.multiply(q[first], quat.exp(-off * _up(readings.q_EB[first, 1])))
         state = heading_update.begin(readings.t[first], begun, readings.q_EB[first], state)
         part = Readings(*(x[first + 1 : last + 1] for x in readings))
@@ -123,12 +123,26 @@ def test_the_heading_is_as_well_known_as_it_says() -> None:
     assert 0.5 < np.mean(squares) < 1.5
 
 
-@pytest.mark.parametrize(("off", "grows"), [(0.2, False), (5.0, True)])
-def test_innovations_larger_than_both_explain_make_the_noise_larger(
-    rng: np.random.Generator, off: float, grows: bool
+def test_a_filter_that_is_sure_of_a_wrong_heading_is_put_right_once_two_blocks_agree(
+    rng: np.random.Generator,
 ) -> None:
-    found = _blocks(*Sway(rng, sway=2.0).readings(301.0), off * DEG, 0.5 * DEG)
-    assert (heading_update.excess(found[-1][0].noise_stats) > 3) == grows
+    """Each block begins with a thumb that is 70 deg off and believes in 0.5: one is rejected, the next believed."""
+    found = _blocks(*Sway(rng, sway=2.0).readings(121.0), 70 * DEG, 0.5 * DEG)
+    rejected, believed = sorted(found[-2:], key=lambda x: -abs(x[2]))
+    assert rejected[2] > 67 * DEG
+    assert abs(believed[2]) < 3 * DEG
+    assert np.sqrt(np.linalg.eigvalsh(believed[1].P[:3, :3])[-1]) > 0.5 * DEG
+
+
+def test_innovations_larger_than_both_explain_make_the_noise_larger(
+    rng: np.random.Generator,
+) -> None:
+    """A heading that is off to one side and then to the other is no filter that is wrong."""
+    readings, q = Sway(rng, sway=2.0).readings(301.0)
+    usual = _blocks(readings, q, 0.2 * DEG, 0.5 * DEG)
+    turned = _blocks(readings, q, 5 * DEG, 0.5 * DEG, alternating=True)
+    assert heading_update.excess(usual[-1][0].noise_stats) < 1.5
+    assert heading_update.excess(turned[-1][0].noise_stats) > 3
 
 
 def test_sums_do_not_depend_on_where_rows_are_cut(rng: np.random.Generator) -> None:
