@@ -262,8 +262,8 @@ def _remarks(rows: Sequence[Row]) -> tuple[str, ...]:
     why = (
         f"Why: gravity tells nothing of a turn about the vertical. A bias that walks by {walk:g} deg/s/sqrt(s) and that nothing corrects turns a heading "
         f"by {turned[10]:.0f} deg (SD) in 10 and {turned[60]:.0f} deg in 60 minutes. A sensor at rest shows its whole bias, and the fusion learns it anew; "
-        "one that moves shows only the part that tilts it. Then the joints hold the headings together as far as they can (`heading_correction`): hinges do, the "
-        "thumb's base does not. Rest the hand, or repeat the pose."
+        "one that moves shows only the part that tilts it. Then the joints hold the headings together as far as they can: hinges do, the thumb's base does not. There "
+        "`ekf` compares the accelerations that hand and thumb feel at their joint (decision 0025); with `m2` rest the hand, or repeat the pose."
     )
     rest = (
         "How far rest is trusted matters, too: while the hand holds still and fingers move, the skin turns the hand's sensor by a degree per second or "
