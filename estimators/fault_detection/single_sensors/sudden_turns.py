@@ -37,6 +37,7 @@ BESIDE = (
 )  # s before and behind a step, along which the course of the force is fitted: what fits better elsewhere
 KNOCK = 0.05  # s behind a step that are left out of it
 DEGREE = 3  # of the course, a polynomial
+ACROSS = 0.2  # sine of the least angle between a turn's axis and the force: a kink of rates looks like a large turn about the vertical
 CLEAR = 3.0  # standard deviations of a lasting step, from which on it could not be missed
 COURSE_SD, ARM_SD = (
     0.2,
@@ -134,7 +135,10 @@ def _of_sensor(block: Block, column: int) -> Iterator[SuddenTurn]:
             key=lambda steps: float((steps[0][1:] ** 2).sum()),
         )
         mended = _lasting_step(t, _turned_back(values, row, turn[k]), places[:1], n, usual)
-        expected = np.cross(0.5 * (values[row - 1, 3:] + values[row, 3:]), turn[k])
+        force = 0.5 * (values[row - 1, 3:] + values[row, 3:])
+        expected = np.cross(force, turn[k])
+        if np.linalg.norm(expected) < ACROSS * np.linalg.norm(turn[k]) * np.linalg.norm(force):
+            continue
         p_gravity = _p_without(lasting, mended[0], expected)
         if p_gravity is None or (p_gravity == 1.0 and rest[k] > EXACT_REST + EXACT * explained[k]):
             continue
@@ -150,7 +154,7 @@ def _turned_back(values: Array, row: int, turn: Array) -> Array:
 
 
 def _p_without(seen: Array, mended: Array, expected: Array) -> float | None:
-    """Probability of a lasting step (the first of `seen`) that a turn explains so well, which leaves `mended` of it, without one.
+    """Probability of a lasting step (the first of `seen`) that a turn explains so well, which leaves `mended` of it, without one: no less than one in the places it is compared with.
 
     None where the readings fit better without the turn, 1 where a hand accelerates too hard to tell what it should make of gravity, `expected`.
     """
@@ -158,7 +162,9 @@ def _p_without(seen: Array, mended: Array, expected: Array) -> float | None:
     gained = float(seen[0] @ seen[0] - mended @ mended)
     if sd > size or (gained < 0.0 and sd > size / CLEAR):
         return 1.0
-    return None if gained < 0.0 else float(normal_sf((gained + size**2) / (2 * size * sd)))
+    if gained < 0.0:
+        return None
+    return max(float(normal_sf((gained + size**2) / (2 * size * sd))), 1.0 / len(seen))
 
 
 def _of_both(p: float, q: float) -> float:

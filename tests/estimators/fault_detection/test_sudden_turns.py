@@ -1,15 +1,22 @@
 """A sensor that sits otherwise from one sample to the next: told by the step of its readings, and by where gravity is afterwards."""
 
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
 
+from handscope.estimators.data.findings import whole_streams
 from handscope.estimators.data.samples import ACC, Block
 from handscope.estimators.fault_detection.check import check_recording
 from handscope.estimators.fault_detection.single_sensors.sudden_turns import sudden_turns
+from handscope.estimators.hand.anatomy import FINGERS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
+from handscope.sessions.formats import recordings as formats
+from handscope.validation.independent.simulator import daily_movements
+from handscope.validation.independent.simulator.free_movement import Setup, written
 from tests.estimators.fault_detection.recordings import moved_freely, performed
 
 AT = 12.0  # s
@@ -65,6 +72,16 @@ def test_a_small_turn_is_found_while_fingers_open_and_close_fast(sensor: str) ->
 def test_nothing_is_found_in_sensors_that_stay(blocks: tuple[Block, ...]) -> None:
     assert sudden_turns(blocks) == []
     assert sudden_turns(_lossy(list(blocks))) == []
+
+
+def test_a_kink_of_the_rates_is_no_turn_about_the_vertical() -> None:
+    """Fingers that begin to bend at once: a large turn about gravity's axis would explain their rates."""
+    setup = Setup(10502, hand="right", fingers=FINGERS, duration=24.0, missed=np.radians(3.0))
+    with TemporaryDirectory() as folder:
+        at = Path(folder) / "recording"
+        written(setup, at, daily_movements.movement("opposing", setup))
+        blocks = whole_streams(list(formats.load(at).blocks()))
+    assert sudden_turns(blocks) == []
 
 
 def test_a_knock_is_no_turn() -> None:
