@@ -86,7 +86,7 @@ CODES = (  # of all messages
 )
 DIFFERENT = 0.3  # of an element of the matrix, times how much that axis turned among the three, from which on corrections are not the same
 SMALL = 0.15  # of a gain that is a warning only
-CLEAR = 0.8  # probability of a cause from which on it is named
+CLEAR = 0.6  # probability of a cause from which on it is named
 AXIS_GAIN, OF_ALL = "gyroscope_axis_gain", ("gyroscope_gain", ())
 
 
@@ -168,7 +168,7 @@ def _magnetometers(
             sensor not in wrong
             and j.verdicts
             and j.named.fault.code in OF_AXES
-            and (p := _p_value(j.named, len(judged))) < FALSE_ALARMS
+            and (p := _p_value(j.surest, len(judged))) < FALSE_ALARMS
         ):
             message = Message("sensor.magnetometer_axes", {"sensor": sensor}, "fault")
             yield Suspicion(message, (sensor,), (_span(cells, j.named),), p)
@@ -274,7 +274,7 @@ def _since(cells: Cells, turn: RestTurn) -> tuple[float, float]:
 
 def _of_all(cells: Cells, judged: Sequence[Judged]) -> tuple[Suspicion, Array] | None:
     """A fault that the sensors share, and the matrix that takes it away."""
-    p_values = [_p_value(j.named, len(judged)) if j.verdicts else 1.0 for j in judged]
+    p_values = [_p_value(j.surest, len(judged)) if j.verdicts else 1.0 for j in judged]
     surely = [p < FALSE_ALARMS for p in p_values]
     fault = shared_fault(judged, surely)
     if fault is not None:
@@ -306,7 +306,7 @@ def _of_rate(cells: Cells, rate: CommonRate) -> Suspicion:
 def _of_sensors(cells: Cells, judged: Sequence[Judged], among: int) -> Iterator[Suspicion]:
     """Faults of single sensors that are sure enough."""
     for k, (sensor, j) in enumerate(zip(cells.sensors, judged)):
-        if j.verdicts and (p := _p_value(j.named, among)) < FALSE_ALARMS:
+        if j.verdicts and (p := _p_value(j.surest, among)) < FALSE_ALARMS:
             fault = j.named.fault
             turned = np.sqrt((cells.gyr[cells.valid[:, k], k] ** 2).mean(axis=0))
             differences = [

@@ -48,6 +48,9 @@ LEAST_GAIN = 0.2  # and its inverse: gains beyond are told as something else
 LARGEST = 0.9  # of a matrix that is off without a name
 TIED = 3.0  # log-likelihood by which rivals may be worse than the best ...
 NEARLY = 0.2  # ... beside this share of it
+# By how much likelihoods overstate what distinguishes two faults: errors of skin and filters last for many windows. With it the
+# probability of the true cause is largest, on average of logarithms, in each of three samples of some 600 faults (docs/checks.md)
+OVERSTATED = 3.0
 ROUNDS, SMALL = 3, 0.01  # of corrections until they are small
 FURTHER, FAR = (
     6,
@@ -75,6 +78,11 @@ class Judged:
 
     verdicts: tuple[Verdict, ...]  # faults that explain the readings better than none, best first
     useful: float  # log-likelihood that the gyroscope gains as it is: negative, the readings would fit better without
+
+    @property
+    def surest(self) -> Verdict:
+        """The fault that readings without any look least like."""
+        return max(self.verdicts, key=lambda v: float(np.log(v.weight)) + v.evidence)
 
     @property
     def named(self) -> Verdict:
@@ -149,7 +157,7 @@ def judge(cells: Cells, free: bool = True) -> list[Judged]:
 
 def log_odds(verdict: Verdict) -> float:
     """How probable a fault is against another, logarithm."""
-    return float(np.log(verdict.weight)) + verdict.evidence
+    return float(np.log(verdict.weight)) + verdict.evidence / OVERSTATED
 
 
 def p_values_of_gain(right: Information, wrong: Information) -> Array:

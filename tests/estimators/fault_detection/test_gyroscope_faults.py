@@ -79,7 +79,7 @@ def test_the_gain_of_one_axis_is_named_where_all_three_turn(axis):
         (
             performed("initial_pose", "pronation_supination"),
             "hand",
-            [1.0, 2.0, 1.0],
+            [-1.0, -1.0, 1.0],
             "sensor.gyroscope_unclear",
         ),
     ],
