@@ -166,7 +166,7 @@ def _in_millimetres(sidecar: str) -> str:
 
 
 DOUBTED = {  # task with its options, the file that is changed, how, what the page says beside the figures and what in its card on trust
-    "squeeze": ((), "force_motion.tsv", _pushed_by_another, "have nothing else touch or move the object", "No: 0 of 13 figures rest on a good signal"),
+    "squeeze": ((), "force_motion.tsv", _pushed_by_another, "have nothing else touch or move the object", "No: 0 of 13 figures can be relied on"),
     "reach": (("--trunk",), "trunkmag_motion.json", _in_millimetres, "the warnings say what is wrong", "were these millimetres or centimetres?"),
 }  # fmt: skip
 

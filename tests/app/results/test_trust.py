@@ -43,13 +43,13 @@ def test_the_answer_follows_the_grades_and_the_calibration(
 
 def test_a_few_lost_samples_that_lower_no_grade_are_a_yes() -> None:
     found = judge_trust([("tapping", figure())] * 37, True)
-    assert trust_payload(found, {}, EN)["words"] == "Yes. All 37 figures rest on a good signal."
+    assert trust_payload(found, {}, EN)["words"] == "Yes. All 37 figures can be relied on."
 
 
 def test_reasons_name_the_task_and_say_what_to_do() -> None:
     rows = [("tapping", figure("poor", LIMIT)), *[("rom_fist", figure())] * 5]
     told = trust_payload(judge_trust(rows, True), {"tapping": "Finger tapping"}, EN)
-    assert told["words"] == "Mostly: 5 of 6 figures rest on a good signal."
+    assert told["words"] == "Mostly: 5 of 6 figures can be relied on."
     assert told["reasons"] == ["Finger tapping, 1 figure: sensor at its limit."]
     assert "more slowly" in told["todo"][0]
 
