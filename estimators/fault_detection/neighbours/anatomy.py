@@ -2,7 +2,7 @@
 
 In      a trajectory
 Out     suspicions of severity `info`: which joint, how far, for what share of the time
-Source  limits and their sources: hand_anatomy.py; how certain an angle is: the trajectory's standard deviations, `ANGLE_SD` where it has none
+Source  limits and their sources: hand/anatomy.py; how certain an angle is: the trajectory's standard deviations, `ANGLE_SD` where it has none
 Limits  a method that clips angles to their limits hides how far they went: then the share of the time at a limit is asked about
 """
 

@@ -2,7 +2,7 @@
 
 In      cells of readings
 Out     suspicions: a unit that is not m/s^2, accelerometers whose gravity is too large or too small, accelerometers that are negated
-Source  gravity is 9.78 to 9.83 m/s^2 on the ground (WGS 84); errors of calibrated MEMS accelerometers as in estimators/sensor_checks.py
+Source  gravity is 9.78 to 9.83 m/s^2 on the ground (WGS 84); errors of calibrated MEMS accelerometers as in estimators/sensors/fault_detection.py
 Limits  without a second of rest only units are told, not single sensors
 """
 
