@@ -21,7 +21,7 @@ from handscope.app.report.words import flexion_words, joint_words, named
 from handscope.estimators.measures.figure import Figure
 from handscope.estimators.measures.range_of_motion import Range
 from handscope.sessions.clinic.references import Compared
-from handscope.sessions.clinic.repeatability import Key, values
+from handscope.sessions.clinic.repeatability import Key, measured_values
 
 FOLDED = 8  # rows of a measure from which its table is folded below its headline
 LARGE = 2.0  # MDCs
@@ -37,19 +37,7 @@ def headlines(
     edition: Edition | None,
 ) -> list[dict[str, Any]]:
     """Tiles by task, in the order of the tasks; a value is that over the trials, as comparisons take it."""
-    rows = [
-        {
-            "measure": m,
-            "task": t,
-            "name": f.name,
-            "unit": f.unit,
-            "grade": f.grade,
-            "value": f.value,
-        }
-        for t, m, f in figures
-        if f.value == f.value
-    ]
-    kept, tiles = values(rows), dict[str, list[dict[str, Any]]]()
+    kept, tiles = measured_values(figures), dict[str, list[dict[str, Any]]]()
     for task, measure, figure in figures:
         key = (measure, task, figure.name)
         if (

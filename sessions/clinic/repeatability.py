@@ -32,6 +32,7 @@ from handscope.sessions.db.tables import (
 from handscope.sessions.db.visible_rows import unrestricted
 
 if TYPE_CHECKING:
+    from handscope.estimators.measures.figure import Figure
     from handscope.estimators.measures.repeatability import Interval
 
 REPEATED = timedelta(days=7)
@@ -177,6 +178,24 @@ def values(figures: Sequence[Mapping[str, Any]]) -> Values:
             trials[key].append(row["value"])
             units[key] = row["unit"]
     return {key: (_over_trials(key[2], found), units[key]) for key, found in trials.items()}
+
+
+def measured_values(figures: Iterable[tuple[str, str, "Figure"]]) -> Values:
+    """The same of figures as they were measured, each behind its task and measure."""
+    return values(
+        [
+            {
+                "measure": measure,
+                "task": task,
+                "name": f.name,
+                "unit": f.unit,
+                "grade": f.grade,
+                "value": f.value,
+            }
+            for task, measure, f in figures
+            if f.value == f.value
+        ]
+    )
 
 
 def _over_trials(name: str, found: list[float]) -> float:

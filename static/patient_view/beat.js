@@ -1,6 +1,6 @@
 /** The word of the metronome's phase, its lamp, and which movement it is. */
 import { h, write } from "../dom.js";
-import { makeOnset, placeAt } from "../station/metronome_time.js";
+import { countAt, isSingle, makeOnset, placeAt } from "../station/metronome_time.js";
 import { counted, t } from "../words/words.js";
 
 const FLASH = 0.15; // s that the lamp is bright
@@ -22,8 +22,7 @@ export function mount(root, api, { screen }) {
     const paced = Boolean(state.pace?.cycle.length) && ["watch", "count", "run"].includes(state.stage);
     lamp.hidden = !paced;
     const all = state.pace?.repetitions ?? 0;
-    const one = paced && all === 1 && state.pace.cycle.length === 1; // nothing to count
-    count.hidden = state.stage !== "run" || one || !(all || state.done);
+    count.hidden = state.stage !== "run" || (paced && isSingle(state.pace)) || !(all || state.done);
     if (!count.hidden && !paced) write(count, all ? t("metronome.count", { done: state.done, all }) : counted("movements", state.done));
     if (paced && state.stage === "run" && state.pace.elapsed !== null) zero = onset.addMessage(now(), state.pace.elapsed);
     if (paced) frame ||= requestAnimationFrame(draw);
@@ -37,8 +36,10 @@ export function mount(root, api, { screen }) {
     const phase = pace.cycle[place?.phase ?? 0];
     write(lamp, phase.say);
     lamp.classList.toggle("bright", place !== null && phase.seconds - place.left < FLASH);
-    const [done, all] = pace.repetitions > 1 ? [place?.repetition, pace.repetitions] : [place && place.phase + 1, pace.cycle.length];
-    if (place) write(count, t("metronome.count", { done, all })); // of one round its parts are counted
+    if (place) {
+      const [done, all] = countAt(pace, place);
+      write(count, t("metronome.count", { done, all }));
+    }
     if (stage === "run") frame = requestAnimationFrame(draw);
   }
 

@@ -1,6 +1,6 @@
 /** The metronome over the scene: a lamp that lights with each beat, the word of the phase, which movement it is, and a switch for sound. */
 import { h, lasting, whenChanged, write } from "../dom.js";
-import { beatAt, makeOnset, placeAt } from "./metronome_time.js";
+import { beatAt, countAt, isSingle, makeOnset, placeAt } from "./metronome_time.js";
 import { makeClicks } from "./clicks.js";
 import { t } from "../words/words.js";
 
@@ -14,6 +14,7 @@ const LATE = 0.1; // s after which it is better left out
 const FLASH = 0.15; // s that the lamp is bright
 const LONG = 3; // s: a phase at least as long has a countdown of its own
 const COUNTED = ["repetitions", "taps"];
+const FIRST = { repetition: 1, phase: 0 };
 const QUIET = 500; // ms that a browser may take to begin with sound
 
 export function mount(root, api, { station }) {
@@ -38,7 +39,7 @@ export function mount(root, api, { station }) {
   function take({ wizard, glove, numbers }) {
     pace = SHOWN.includes(wizard.state) ? wizard.pace : null;
     const paced = Boolean(pace?.cycle.length);
-    count.hidden = paced && pace.repetitions === 1 && pace.cycle.length === 1; // nothing to count
+    count.hidden = paced && isSingle(pace);
     drawKind([paced, paced || Boolean(pace?.repetitions), wizard.state]);
     const ago = COUNTING.includes(wizard.state) ? pace?.begins - wizard.remaining : RUNNING.includes(wizard.state) ? pace?.elapsed : null;
     if (COUNTING.includes(wizard.state)) begins = pace?.begins ?? 0;
@@ -98,9 +99,8 @@ export function mount(root, api, { station }) {
     write(left, place && phase.seconds >= LONG ? String(Math.ceil(place.left)) : "");
     lamp.classList.toggle("first", place?.phase === 0);
     lamp.classList.toggle("bright", place !== null && phase.seconds - place.left < FLASH);
-    const before = place ? 1 : 0; // what is being done counts
-    if (pace.repetitions > 1) drawCount((coming?.repetition ?? 1) - 1 + before);
-    else drawCount((coming?.phase ?? 0) + before, pace.cycle.length); // one round: its parts are counted
+    const [done, all] = countAt(pace, coming ?? FIRST);
+    drawCount(place ? done : done - 1, all); // what is being done counts
     if (zero !== null) frame = requestAnimationFrame(draw);
   }
 

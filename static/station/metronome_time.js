@@ -13,6 +13,13 @@ export function placeAt({ cycle, repetitions }, elapsed) {
   return { repetition: round + 1, phase, left: cycle[phase].seconds - left };
 }
 
+/** Whether there is nothing to count: one movement of one part. */
+export const isSingle = ({ cycle, repetitions }) => repetitions === 1 && cycle.length === 1;
+
+/** Which movement it is, and of how many; of a single round its parts are counted. */
+export const countAt = ({ cycle, repetitions }, { repetition, phase }) =>
+  repetitions > 1 ? [repetition, repetitions] : [phase + 1, cycle.length];
+
 /** Beat number k (from 0): when it is due (`at`, s), and whether a movement begins with it; null after the last. */
 export function beatAt({ cycle, repetitions }, k) {
   const round = Math.floor(k / cycle.length);

@@ -9,7 +9,7 @@ from handscope.app.report.changes import read_as
 from handscope.app.report.content import Content
 from handscope.app.report.progress.importance import rank
 from handscope.app.report.progress.labels import label
-from handscope.sessions.clinic.repeatability import Key, Values, values
+from handscope.sessions.clinic.repeatability import Key, Values, measured_values
 
 MOST = 3
 ELSEWHERE = "thumb_tam"  # its motion has rows in the table
@@ -27,20 +27,10 @@ def key_figures(content: Content, language: Language) -> list[dict[str, Any]]:
 
 def _important(content: Content) -> Values:
     """Over the trials of each task, as comparisons take them."""
-    rows = [
-        {
-            "measure": t.result.measure,
-            "task": t.result.task,
-            "name": f.name,
-            "unit": f.unit,
-            "grade": f.grade,
-            "value": f.value,
-        }
-        for t in content.tasks
-        for f in t.result.figures
-        if f.value == f.value
-    ]
-    return {k: v for k, v in values(rows).items() if rank(k) is not None and k[2] != ELSEWHERE}
+    found = measured_values(
+        (t.result.task, t.result.measure, f) for t in content.tasks for f in t.result.figures
+    )
+    return {k: v for k, v in found.items() if rank(k) is not None and k[2] != ELSEWHERE}
 
 
 def _change_in_mdcs(key: Key, content: Content) -> float:
