@@ -9,7 +9,7 @@ Limits  a hand that lies on a table hardly vibrates; vibration of one frequency 
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -218,17 +218,13 @@ def _signal_of(windows: Windows, arm: Array, around: int) -> _Signal:
     return _Signal(vertical, x + 1j * y, around)
 
 
+@cache
 def _transform(count: int) -> Array:
     """Fourier transform (m, F) of a window of m instants, tapered (Hann), under which white noise keeps its mean square."""
-    if count not in _TRANSFORMS:
-        taper = np.hanning(count + 2)[1:-1]
-        at = np.arange(count)[:, None] * (joint_windows.LENGTH / count)
-        wave = taper[:, None] * np.exp(-2j * np.pi * FREQUENCIES * at)
-        _TRANSFORMS[count] = wave / np.sqrt((taper**2).sum() * len(FREQUENCIES))
-    return _TRANSFORMS[count]
-
-
-_TRANSFORMS: dict[int, Array] = {}
+    taper = np.hanning(count + 2)[1:-1]
+    at = np.arange(count)[:, None] * (joint_windows.LENGTH / count)
+    wave = taper[:, None] * np.exp(-2j * np.pi * FREQUENCIES * at)
+    return np.asarray(wave / np.sqrt((taper**2).sum() * len(FREQUENCIES)))
 
 
 def _energy_of(spectra: tuple[Array, Array]) -> Array:

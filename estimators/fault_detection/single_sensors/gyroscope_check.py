@@ -52,10 +52,8 @@ NEARLY = 0.2  # ... beside this share of it
 # probability of the true cause is largest, on average of logarithms, in each of three samples of some 600 faults (docs/checks.md)
 OVERSTATED = 3.0
 ROUNDS, SMALL = 3, 0.01  # of corrections until they are small
-FURTHER, FAR = (
-    6,
-    0.3,
-)  # rounds where a matrix is that far off, as of a gyroscope that is turned in its sensor
+# rounds where a matrix is that far off, as of a gyroscope that is turned in its sensor
+FURTHER, FAR = 6, 0.3
 IDENTITY = np.eye(3)
 GAIN = IDENTITY.reshape(9, 1) / np.sqrt(3.0)
 AXIS_GAINS = tuple(np.diag(IDENTITY[k]).reshape(9, 1) for k in range(3))

@@ -39,10 +39,8 @@ KNOCK = 0.05  # s behind a step that are left out of it
 DEGREE = 3  # of the course, a polynomial
 ACROSS = 0.2  # sine of the least angle between a turn's axis and the force: a kink of rates looks like a large turn about the vertical
 CLEAR = 3.0  # standard deviations of a lasting step, from which on it could not be missed
-COURSE_SD, ARM_SD = (
-    0.2,
-    0.05,
-)  # m/s^2, m: what a course leaves, and how far a sensor lies from where its segment turns about
+# m/s^2, m: what a course leaves, and how far a sensor lies from where its segment turns about
+COURSE_SD, ARM_SD = 0.2, 0.05
 OF_STEP = 0.1  # largest share of a step that no rotation explains
 EXACT, EXACT_REST = (
     0.003,

@@ -34,9 +34,8 @@ LEVER, ACC_BIAS, ACC_SCALE = 0.06, 0.1, 0.005
 PRIOR = np.repeat([LEVER, ACC_BIAS, ACC_SCALE], [6, 6, 18]) ** 2
 FORGOTTEN = 36000.0  # s after which nothing is known any more: seats and skin change
 ASSUMED = 2.0  # blocks that noise as expected counts as
-UNLIKELY = (
-    9.0  # squared sd beyond which a block is downweighted, unless the next one agrees with it
-)
+# squared sd beyond which a block is downweighted, unless the next one agrees with it
+UNLIKELY = 9.0
 FIRST = slice(0, 3)  # error states of the chain's first joint
 
 
@@ -58,9 +57,8 @@ class JointAcceleration:
     P: Array  # (UNKNOWNS, UNKNOWNS)
     noise_stats: Array  # (2,) weighted sum of squared innovations over what was expected of them, and of weights
     rejected: float = math.nan  # rad, innovation of the block before if it was too unlikely
-    pending_stats: Array = field(
-        default_factory=lambda: np.zeros(2)
-    )  # its noise_stats, which count unless the next block agrees with it
+    # its noise_stats, which count unless the next block agrees with it
+    pending_stats: Array = field(default_factory=lambda: np.zeros(2))
 
 
 def begin(

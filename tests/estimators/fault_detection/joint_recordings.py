@@ -37,6 +37,17 @@ def delayed(recording: Simulated, sensors: Sequence[str], late: float) -> list[B
     return _changed(recording, change)
 
 
+def delayed_from(
+    begin: float, recording: Simulated, sensors: Sequence[str], late: float
+) -> list[Block]:
+    """The same from `begin` s on."""
+    blocks = []
+    for before, after in zip(recording.blocks(), delayed(recording, sensors, late)):
+        rows = (before.t < begin)[:, None, None]
+        blocks.append(Block(before.stream, before.t, np.where(rows, before.values, after.values)))
+    return blocks
+
+
 def amplified(
     recording: Simulated, sensor: str, gain: float, span: tuple[float, float] = (-np.inf, np.inf)
 ) -> list[Block]:

@@ -14,7 +14,7 @@ from handscope.estimators.hand.geometry import sized
 from handscope.estimators.simulation.movements import task_performance as tasks
 from handscope.estimators.simulation.scenario import Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import SensorErrors
-from tests.estimators.fault_detection.joint_recordings import delayed
+from tests.estimators.fault_detection.joint_recordings import delayed, delayed_from
 
 GEOMETRY = sized("left")
 
@@ -44,12 +44,8 @@ def test_a_strip_that_is_late_against_fingers_that_move_with_it_is_named(late: f
 
 
 def test_a_strip_that_is_late_from_half_way_on_is_named_from_when_on() -> None:
-    recording, half = done("open_close"), 12.0
-    late = delayed(recording, CHAINS["index"], 0.2)
-    blocks = []
-    for before, after in zip(recording.blocks(), late):
-        rows = (before.t < half)[:, None, None]
-        blocks.append(Block(before.stream, before.t, np.where(rows, before.values, after.values)))
+    half = 12.0
+    blocks = delayed_from(half, done("open_close"), CHAINS["index"], 0.2)
     suspected = neighbours.check(blocks, "left", GEOMETRY, {}, [], [])
     (one,) = [s for s in suspected if s.message.severity != "info"]
     assert one.sensors == CHAINS["index"]

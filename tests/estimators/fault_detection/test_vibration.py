@@ -16,7 +16,7 @@ from handscope.estimators.numerics.typing import Array
 from handscope.estimators.simulation.movements import task_performance as tasks
 from handscope.estimators.simulation.scenario import Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import SensorErrors
-from tests.estimators.fault_detection.joint_recordings import delayed
+from tests.estimators.fault_detection.joint_recordings import delayed, delayed_from
 
 GEOMETRY = sized("left")
 TREMOR = 0.15  # m/s^2, root mean square of an axis
@@ -71,11 +71,8 @@ def test_a_single_sensor_that_is_late_in_slow_movement_is_named() -> None:
 
 
 def test_it_is_named_from_when_on() -> None:
-    recording, half = done("tapping"), 12.0
-    late, blocks = delayed(recording, CHAINS["index"], 0.2), []
-    for before, after in zip(recording.blocks(), late):
-        rows = (before.t < half)[:, None, None]
-        blocks.append(Block(before.stream, before.t, np.where(rows, before.values, after.values)))
+    half = 12.0
+    blocks = delayed_from(half, done("tapping"), CHAINS["index"], 0.2)
     suspected = neighbours.check(blocks, "left", GEOMETRY, {}, [], [])
     (one,) = [s for s in suspected if s.message.severity != "info"]
     assert one.sensors == CHAINS["index"]
