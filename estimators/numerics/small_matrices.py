@@ -81,6 +81,22 @@ def variance_of(h: Array, P: Array) -> float:
 
 
 @inlined
+def rigid_acceleration(w: Array, change: Array, A: Array) -> None:
+    """Acceleration (3, 3) of a point of a rigid body by its place: [dw]x + [w]x [w]x, of rates and of their derivative."""
+    square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
+    for i in range(3):
+        for j in range(3):
+            A[i, j] = w[i] * w[j]
+        A[i, i] -= square
+    A[0, 1] -= change[2]
+    A[1, 0] += change[2]
+    A[0, 2] += change[1]
+    A[2, 0] -= change[1]
+    A[1, 2] -= change[0]
+    A[2, 1] += change[0]
+
+
+@inlined
 def cholesky(S: Array, L: Array) -> bool:
     """L of S = L L', the upper half with zeros; no where S is not positive definite."""
     for i in range(len(S)):

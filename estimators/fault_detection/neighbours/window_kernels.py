@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.jit import inlined, looped
-from handscope.estimators.numerics.small_matrices import put
+from handscope.estimators.numerics.jit import looped
+from handscope.estimators.numerics.small_matrices import put, rigid_acceleration
 from handscope.estimators.numerics.typing import Array
 
 
@@ -68,22 +68,6 @@ def evaluate_spline(
     return out, change
 
 
-@inlined
-def fill_arm(w: Array, change: Array, A: Array) -> None:
-    """Acceleration (3, 3) of a point by its place: of rates and of their derivative."""
-    square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
-    for i in range(3):
-        for j in range(3):
-            A[i, j] = w[i] * w[j]
-        A[i, i] -= square
-    A[0, 1] -= change[2]
-    A[1, 0] += change[2]
-    A[0, 2] += change[1]
-    A[2, 0] -= change[1]
-    A[1, 2] -= change[0]
-    A[2, 1] += change[0]
-
-
 @looped
 def fill_windows(
     gyr: Array,
@@ -122,7 +106,7 @@ def fill_windows(
                         q[i] = both[i]
                 before = here
                 quat.matrix_row(q, turn, R)
-                fill_arm(gyr[here, c], change[here, c], A)
+                rigid_acceleration(gyr[here, c], change[here, c], A)
                 if n % averaged == averaged // 2:
                     put(R, turned[s, k, at])
                 if whole[here, c] and here == row:

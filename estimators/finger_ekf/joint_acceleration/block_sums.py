@@ -15,6 +15,7 @@ import numpy as np
 
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined, looped
+from handscope.estimators.numerics.small_matrices import rigid_acceleration
 from handscope.estimators.numerics.typing import Array
 
 BOX = 0.05  # s whose mean counts once: faster than a hand moves
@@ -69,7 +70,7 @@ def begin(t: float, heading: float) -> BlockSums:
 def accumulate(readings: Readings, unknowns: Array, sums: BlockSums) -> None:
     """Add the rows to the sums in place; a sample counts once the rate behind it is known. `unknowns` (UNKNOWNS,) as known so far."""
     columns, rate, R = np.empty((3, COLUMNS)), np.empty((2, 3)), np.empty((3, 3))
-    spin, v, felt = np.empty((3, 3)), np.empty(3), np.empty((2, 3))
+    spin, v, change, felt = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty((2, 3))
     for n in range(len(readings.t)):
         dt = readings.t[n] - sums.scalars[1]
         is_known = dt > 0
@@ -81,7 +82,7 @@ def accumulate(readings: Readings, unknowns: Array, sums: BlockSums) -> None:
                     rate[s, a] + sums.rate[s, a] + sums.force[s, a]
                 )
         if is_known:
-            _fill_columns(sums, unknowns, rate, dt, R, spin, v, felt, columns)
+            _fill_columns(sums, unknowns, rate, dt, R, spin, v, change, felt, columns)
             _add_sample(sums, columns)
         sums.scalars[1] = readings.t[n]
         for s in range(2):
@@ -93,7 +94,7 @@ def accumulate(readings: Readings, unknowns: Array, sums: BlockSums) -> None:
 
 @inlined
 def _fill_columns(
-    sums: BlockSums, unknowns: Array, rate: Array, dt: float, R: Array, spin: Array, v: Array, felt: Array, columns: Array
+    sums: BlockSums, unknowns: Array, rate: Array, dt: float, R: Array, spin: Array, v: Array, change: Array, felt: Array, columns: Array
 ) -> None:  # fmt: skip
     """Derivatives (3, COLUMNS) of what both feel at the joint, the first less the second, in the first fusion's frame, with the difference itself last.
 
@@ -106,7 +107,10 @@ def _fill_columns(
             for b in range(3):
                 x, y = R[0, b], R[1, b]
                 R[0, b], R[1, b] = c * x - s * y, s * x + c * y
-        _rigid_acceleration_row(sums.rate[k], rate[k], dt, spin)
+        for a in range(3):
+            v[a] = 0.5 * (sums.rate[k, a] + rate[k, a])
+            change[a] = (rate[k, a] - sums.rate[k, a]) / dt
+        rigid_acceleration(v, change, spin)
         sign = 1.0 if k == 0 else -1.0
         for a in range(3):
             felt[k, a] = 0.0
@@ -123,20 +127,6 @@ def _fill_columns(
         for k in range(UNKNOWNS):
             v[a] -= 0.5 * IS_OF[k] * columns[a, k] * unknowns[k]
     columns[0, HEADING], columns[1, HEADING], columns[2, HEADING] = -v[1], v[0], 0.0
-
-
-@inlined
-def _rigid_acceleration_row(before: Array, after: Array, dt: float, spin: Array) -> None:
-    """Acceleration of a point at r from the sensor less the sensor's is spin r: [dw]x + [w]x [w]x, from the rates before and after."""
-    x, y, z = (before[0] + after[0]) / 2, (before[1] + after[1]) / 2, (before[2] + after[2]) / 2
-    dx, dy, dz = (
-        (after[0] - before[0]) / dt,
-        (after[1] - before[1]) / dt,
-        (after[2] - before[2]) / dt,
-    )
-    spin[0, 0], spin[0, 1], spin[0, 2] = -y * y - z * z, x * y - dz, x * z + dy
-    spin[1, 0], spin[1, 1], spin[1, 2] = x * y + dz, -x * x - z * z, y * z - dx
-    spin[2, 0], spin[2, 1], spin[2, 2] = x * z - dy, y * z + dx, -x * x - y * y
 
 
 @inlined
