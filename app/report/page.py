@@ -211,12 +211,12 @@ def _warnings(content: Content, language: Language) -> list[str]:
 def _calibration(calibrations: Sequence[CalibrationFacts], language: Language) -> Page:
     """What each calibration was, and the sensors' quality over all of them."""
     sentences = [
-        language.say(
+        language.counted(
             "calibration.span",
+            len(c.sensors),
             source=language.translate(c.source),
             start=language.number(c.onset, 1),
             end=language.number(c.end, 1),
-            sensors=len(c.sensors),
         )
         for c in calibrations
     ]
@@ -290,15 +290,15 @@ def _signal(content: Content, language: Language) -> list[list[str]]:
 
 def _streams(streams: Sequence[StreamFacts], language: Language, with_losses: bool) -> str:
     """Streams of the same rate and quantities together, with what was lost of them if `with_losses`."""
-    words = language.say(
+    words = language.counted(
         "streams.of",
+        sum(len(s.sensors) for s in streams),
         names=", ".join(
             language.say("streams.forces")
             if FORCE in s.quantities
             else language.known(f"part.{s.name}", s.name)
             for s in streams
         ),
-        sensors=sum(len(s.sensors) for s in streams),
         rate=f"{streams[0].rate:g}",
         samples=language.number(sum(s.samples for s in streams)),
     )
@@ -309,11 +309,7 @@ def _lost(streams: Sequence[StreamFacts], language: Language) -> str:
     counts = [s.lost for s in streams if s.lost is not None]
     if len(counts) < len(streams):
         return language.say("losses.unknown")
-    return (
-        language.say("losses", count=language.number(sum(counts)))
-        if sum(counts)
-        else language.say("losses.none")
-    )
+    return language.counted("losses", sum(counts)) if sum(counts) else language.say("losses.none")
 
 
 def _provenance(content: Content, language: Language) -> list[list[str]]:

@@ -287,14 +287,16 @@ def _changes(found: Changes, language: Language) -> str:
     """How many figures changed by more than measurement error, and which most."""
     judged = [c for c in found.each if c.mdc95 is not None]
     beyond = [c for c in judged if c.beyond]
-    day, all_ = language.day(found.since), f"{len(judged)}"
+    day = language.day(found.since)
     if not beyond:
-        return language.say("summary.unchanged", day=day, all=all_)
+        return language.counted("summary.unchanged", len(judged), day=day)
     beyond.sort(key=lambda c: -abs(c.value) / (c.mdc95 or np.inf))
     most = [named_change(c, language) for c in beyond[:CHANGED]]
     more = [language.counted("summary.more", len(beyond) - CHANGED)]
     named = language.several([*most, *(more if len(beyond) > CHANGED else [])])
-    return language.counted("summary.changed", len(beyond), day=day, all=all_, figures=named)
+    return language.counted(
+        "summary.changed", len(beyond), day=day, all=f"{len(judged)}", figures=named
+    )
 
 
 def _signal(content: Content, language: Language) -> str:
@@ -306,4 +308,6 @@ def _signal(content: Content, language: Language) -> str:
     count = sum(f.grade == worst for f in figures)
     reasons = sorted({f.reason for f in figures if f.grade == worst and f.reason})
     why = language.translate(reasons[0]) if reasons else ""
-    return language.say(f"summary.signal.{worst}", count=count, all=len(figures), reason=why)
+    return language.counted(
+        f"summary.signal.{worst}", count, all=language.number(len(figures)), reason=why
+    )

@@ -107,16 +107,18 @@ def trust_payload(
         todo.append(language.say("trust.do.recalibrate"))
     if trust.doubts and not todo:
         todo = [language.say("trust.do.repeat")]
-    facts = {"good": language.number(trust.good), "count": language.number(trust.count)}
     listed = [language.say("trust.other_hand")] if trust.asks_hand else []
     todo = ([language.say("trust.do.other_hand")] if trust.asks_hand else []) + todo
     listed += [_drift_words(d, language) for d in trust.drifts]
     listed += [_doubt_words(d, titles, language, edition) for d in trust.doubts[:NAMED]]
     more = len(trust.doubts) - NAMED
-    key = "trust.nothing" if not trust.count else f"trust.{trust.answer}"
     return {
         "answer": trust.answer,
-        "words": language.say(key, **facts),
+        "words": language.counted(
+            f"trust.{trust.answer}", trust.count, good=language.number(trust.good)
+        )
+        if trust.count
+        else language.say("trust.nothing"),
         "reasons": listed + ([language.counted("trust.more", more)] if more > 0 else []),
         "todo": todo,
         "untested": list(_untested_words(untested, language)),

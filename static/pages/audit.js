@@ -2,7 +2,7 @@
 import { h } from "../dom.js";
 import { errorBox, field, once, onSubmit } from "../forms.js";
 import { openedInEmergency } from "../patient/emergency.js";
-import { shortDayAndTime, known, t, whole } from "../words/words.js";
+import { counted, known, shortDayAndTime, t } from "../words/words.js";
 
 const PAGE = 100;
 const HEADS = ["when", "who", "what", "about", "patient", "where"];
@@ -39,7 +39,7 @@ export function mount(root, api, { title }) {
 
   async function check() {
     const { lines, last, broken } = await api.get("/api/audit/verification");
-    const words = broken ? t("audit.broken", { broken }) : t("audit.holds", { lines: whole(lines), last: last.slice(0, 16) });
+    const words = broken ? t("audit.broken", { broken }) : counted("audit.holds", lines, { last: last.slice(0, 16) });
     verdict.replaceChildren(h("p", { class: broken ? "error" : "soft" }, words));
   }
 

@@ -67,7 +67,7 @@ function port({ path, description, in_use: used, live }) {
 }
 
 function worn(glove) {
-  const calibrated = glove.calibrated && t("devices.calibrated", { when: dayAndTime(glove.calibrated), sensors: glove.calibrated_sensors });
+  const calibrated = glove.calibrated && counted("devices.calibrated", glove.calibrated_sensors, { when: dayAndTime(glove.calibrated) });
   const last = h("a", { href: `/sessions/${glove.session}` }, `${dayAndTime(glove.started)}, ${t(`hand.${glove.hand}.title`)}`);
   return h(
     "section",

@@ -37,7 +37,7 @@ export function mount(root, api, { record, go }) {
       draw(titles, true);
       list.querySelectorAll("li > a")[from].focus();
     };
-    return h("button", { onclick: show }, t("visits.all", { count: record.now.sessions.length }));
+    return h("button", { onclick: show }, counted("visits.all", record.now.sessions.length));
   }
 
   return () => {

@@ -1,6 +1,6 @@
 /** What the patient sees: the hand, one title, at most two sentences, seconds in very large digits, the beat, how far the movement goes. */
 import { assemble, h, whenChanged } from "../dom.js";
-import { t } from "../words/words.js";
+import { counted, t } from "../words/words.js";
 import * as beat from "./beat.js";
 import * as extent from "./extent.js";
 import * as seconds from "./seconds.js";
@@ -58,6 +58,6 @@ export function mount(root, { screen }) {
 function sentenceOf(stage, instruction, { passive, flowing, done }) {
   if (passive) return t(stage === "pose" || stage === "hold" ? "screen.passive.pose" : "screen.passive");
   if (instruction) return instruction;
-  if (stage === "rest" && done > 1) return t("screen.rest.counted", { done });
+  if (stage === "rest" && done > 1) return counted("screen.rest.counted", done);
   return t(stage === "hold" && !flowing ? "screen.text.wait" : `screen.text.${stage}`);
 }

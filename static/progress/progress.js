@@ -108,7 +108,7 @@ function choices(chosen, change, hands, views) {
 /** What is beyond measurement error, wherever it is; a press shows it. */
 function summed(all, beyond, chosen, change, titles) {
   const count = all.filter((series) => judged(series, chosen).beyond !== null).length;
-  if (!beyond.length) return [h("p", { class: "verdict" }, t(count ? "course.none" : "course.unjudged", { count }))];
+  if (!beyond.length) return [h("p", { class: "verdict" }, count ? counted("course.none", count) : t("course.unjudged"))];
   const rows = beyond.map((series) => {
     const what = { task: titles.get(series.task) ?? series.task, figure: labelWords(series), change: changeWords(series, chosen) };
     const show = () => change({ view: partOf(series) });

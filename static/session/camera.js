@@ -3,7 +3,7 @@ import { h } from "../dom.js";
 import { errorBox, field, onSubmit, select } from "../forms.js";
 import { progressBar } from "../progress_bar.js";
 import { curveWords } from "../words/clinical.js";
-import { decimal, t } from "../words/words.js";
+import { counted, decimal, t } from "../words/words.js";
 import * as compared from "./compared.js";
 import { trialsOf } from "./trials.js";
 
@@ -84,7 +84,7 @@ function draw(place, api, payload, trials) {
   const heads = ["angle", "offset", ...COLUMNS].map((name) => h("th", { scope: "col" }, t(`camera.${name}`)));
   const table = h("table", { class: "ranges" }, h("thead", {}, h("tr", {}, heads)), rows);
   place.replaceChildren(
-    h("p", { role: "status" }, t("camera.seen", { name: payload.name, frames: payload.frames, share: Math.round(100 * payload.seen) })),
+    h("p", { role: "status" }, counted("camera.seen", payload.frames, { name: payload.name, share: Math.round(100 * payload.seen) })),
     ...clockWords(payload.lag).map((words) => h("p", { class: "soft" }, words)),
     h("div", { class: "course-head" }, stretch, angle),
     plot,

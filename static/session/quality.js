@@ -39,7 +39,7 @@ function calibration(measure) {
     h(
       "p",
       { class: "soft" },
-      t("quality.source", { ...measure, from: decimal(measure.onset, 1), to: decimal(measure.end, 1) }),
+      counted("quality.source", measure.sensors, { ...measure, from: decimal(measure.onset, 1), to: decimal(measure.end, 1) }),
     ),
     h("dl", { class: "facts" }, rows),
   ];

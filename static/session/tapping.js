@@ -2,7 +2,7 @@
 import { h } from "../dom.js";
 import { errorBox } from "../forms.js";
 import { colour, makePlot } from "../plots/plot.js";
-import { decimal, known, plain, t } from "../words/words.js";
+import { counted, decimal, known, plain, t } from "../words/words.js";
 import { folded } from "./folded.js";
 
 export const DECIMALS = {
@@ -64,7 +64,7 @@ function one(root, api, result, trial, number) {
   );
   const mm = (value) => `${plain(value)} mm`;
   const distance = makePlot(curve, {
-    label: t("tapping.curve.label", { count: trial.amplitudes_mm.length }),
+    label: counted("tapping.curve.label", trial.amplitudes_mm.length),
     lines: [{ colour: "--curve-1" }],
     words: mm,
     xWords: (s) => `${plain(s)} s`,

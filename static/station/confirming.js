@@ -1,7 +1,7 @@
 /** A question before an action: a reason to skip a task, why the patient could not do it, whether to finish or stop moving early. */
 import { h } from "../dom.js";
 import { errorBox, field, onSubmit } from "../forms.js";
-import { t } from "../words/words.js";
+import { counted, t } from "../words/words.js";
 
 const NAMED = 4; // tasks left that are named; the others are counted
 const REASONS = {
@@ -59,5 +59,5 @@ export function mount(root, api, { act, left, lacking, send, cancel }) {
 /** Titles of tasks in a row: the first few, and how many more. */
 export function named(titles) {
   const rest = titles.length - NAMED;
-  return rest > 1 ? t("finish.more", { tasks: titles.slice(0, NAMED).join(", "), count: rest }) : titles.join(", ");
+  return rest > 1 ? counted("finish.more", rest, { tasks: titles.slice(0, NAMED).join(", ") }) : titles.join(", ");
 }

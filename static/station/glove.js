@@ -1,7 +1,7 @@
 /** The glove: strips found and missing, rate, losses, and whatever else needs attention, in plain words. */
 import { h, paced, whenChanged } from "../dom.js";
 import { stripWords } from "../words/clinical.js";
-import { decimal, t, whole } from "../words/words.js";
+import { counted, decimal, t, whole } from "../words/words.js";
 
 const STRIPS = ["hand", "thumb", "index", "middle", "ring", "little", "forearm"];
 const BESIDE = ["trunk", "trunk_mag", "fingertips_force"]; // streams of other strips
@@ -31,7 +31,7 @@ export function mount(root, api, { station }) {
     ([problems, count, all, flowing]) => {
       const good = flowing && !problems.length;
       state.className = `badge ${good ? "good" : "warn"}`;
-      state.textContent = flowing ? t(good ? "glove.good" : "glove.attention", { count, all }) : t("glove.silent");
+      state.textContent = flowing ? counted(good ? "glove.good" : "glove.attention", count, { all }) : t("glove.silent");
       attention.replaceChildren(...problems.map((words) => h("li", {}, words)));
     },
   );
@@ -125,10 +125,10 @@ function notes(glove) {
     saturated.length && t("glove.saturated", { strips: saturated.join(", ") }),
     glove.frames_corrupt > 0 && t("glove.corrupt", { count: whole(glove.frames_corrupt) }),
     glove.frames_lost > 0 && t("glove.wire_lost", { count: whole(glove.frames_lost) }),
-    glove.overruns > 0 && t("glove.overruns", { count: whole(glove.overruns) }),
-    glove.dropped_live > 0 && t("glove.dropped", { count: whole(glove.dropped_live) }),
-    glove.method_failures > 0 && t("glove.method_failures", { count: whole(glove.method_failures) }),
-    glove.decoding_failures > 0 && t("glove.decoding_failures", { count: whole(glove.decoding_failures) }),
+    glove.overruns > 0 && counted("glove.overruns", glove.overruns),
+    glove.dropped_live > 0 && counted("glove.dropped", glove.dropped_live),
+    glove.method_failures > 0 && counted("glove.method_failures", glove.method_failures),
+    glove.decoding_failures > 0 && counted("glove.decoding_failures", glove.decoding_failures),
     glove.battery !== null && glove.battery < 20 && t("glove.battery_low", { battery: glove.battery }),
   ].filter(Boolean);
 }

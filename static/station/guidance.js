@@ -2,7 +2,7 @@
 import { h, whenChanged } from "../dom.js";
 import { progressBar } from "../progress_bar.js";
 import { inWords, segmentWords } from "../words/clinical.js";
-import { t } from "../words/words.js";
+import { counted, t } from "../words/words.js";
 
 export function mount(root, api, { station }) {
   const heading = h("h2", {});
@@ -55,7 +55,7 @@ function detail(state, calibration, pace, quality) {
     turned: calibration.misalignment_deg,
     part: segmentWords(calibration.most_misaligned),
   };
-  const words = [t("wizard.calibration", values), calibration.steps && t("wizard.calibration.steps", { count: calibration.steps })];
+  const words = [t("wizard.calibration", values), calibration.steps && counted("wizard.calibration.steps", calibration.steps)];
   return [h("p", {}, words.filter(Boolean).join(" ")), ...calibration.warnings.map((text) => h("p", { class: "warning" }, inWords(text)))];
 }
 
@@ -63,5 +63,5 @@ function detail(state, calibration, pace, quality) {
 function qualityWords(quality) {
   if ("rate_wander" in quality) return t("quality.still", quality);
   if ("spread" in quality) return t("quality.eight", quality);
-  return "extent" in quality ? t("quality.flexion", quality) : "";
+  return "extent" in quality ? counted("quality.flexion", quality.repetitions, quality) : "";
 }

@@ -5,7 +5,7 @@ import { LINES } from "../plots/curve_sets.js";
 import { legend } from "../plots/legend.js";
 import { colour, makePlot } from "../plots/plot.js";
 import { curveWords, distinctWords, segmentWords, valueWords } from "../words/clinical.js";
-import { t } from "../words/words.js";
+import { counted, t } from "../words/words.js";
 
 const COLUMNS = ["now", "last", "other"];
 
@@ -68,6 +68,7 @@ function good() {
 /** What was wrong with the trial, in one sentence. */
 function problemWords(problem) {
   const part = problem.part && segmentWords(problem.part);
+  if (problem.kind === "few") return counted("trial.problem.few", problem.done, problem);
   return t(`trial.problem.${problem.kind}`, { ...problem, part });
 }
 

@@ -12,7 +12,7 @@ export function make(seen) {
     h("thead", {}, h("tr", {}, names.map((name) => h("th", { scope: "col" }, name)))),
     h("tbody", {}, seen.rows.map((row) => h("tr", {}, row.map((cell) => h("td", {}, cell))))),
   );
-  const size = t("table.size", { rows: seen.count, columns: counted("columns", seen.columns) });
+  const size = counted("table.size", seen.count, { columns: counted("columns", seen.columns) });
   return [
     h("p", { class: "soft" }, seen.problem ? t("table.unread") : size),
     seen.problem && h("p", { class: "error", role: "alert" }, seen.problem),

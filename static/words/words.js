@@ -20,7 +20,7 @@ const plurals = new Intl.PluralRules(locale);
 /** "1 session", "3 sessions": the words `key.one`, `key.few`, ... by the locale's plural rules; `key.other` where one is not there. */
 export function counted(key, count, values = {}) {
   const form = `${key}.${plurals.select(count)}`;
-  return t(form in words ? form : `${key}.other`, { ...values, count });
+  return t(form in words ? form : `${key}.other`, { ...values, count: whole(count) });
 }
 
 const POINT = (1.5).toLocaleString(locale).charAt(1);

@@ -58,16 +58,16 @@ def progress_page(
     return {
         "language": language.code,
         "title": say("progress.title", patient=patient.pseudonym),
-        "facts": say(
+        "facts": language.counted(
             "progress.span",
+            len(sessions),
             hand=_capital(say(f"treatment.side.{hand}")),
-            count=len(sessions),
             first=language.day(sessions[0].started),
             last=language.day(sessions[-1].started),
         ),
         "verdict": language.counted("progress.verdict", len(beyond), all=f"{len(repeated)}")
         if beyond
-        else say("progress.none", count=len(repeated)),
+        else language.counted("progress.none", len(repeated)),
         "charts": charts,
         "caption": say("progress.caption"),
         "sources": " ".join(sources),
@@ -112,7 +112,7 @@ def _chart(s: Series, hand: Hand, patient: Patient, language: Language) -> dict[
         "value": words["last"],
         "verdict": _verdict(newest.since_first, language),
         "chart": course_chart(shown, language),
-        "alt": language.say("trends.alt", count=len(course.points), **words),
+        "alt": language.counted("trends.alt", len(course.points), **words),
     }
 
 

@@ -52,7 +52,7 @@ def range_section(
         "absent": "",
         "table": _table(content, tasks, rows, full, language),
         "chart": plots.range_chart(rows, ticks, CHART_WIDTH, language) if bars else "",
-        "chart_alt": say("ranges.chart", count=len(rows)),
+        "chart_alt": language.counted("ranges.chart", len(rows)),
         "chart_label": " ".join([say("ranges.bars"), *([say("ranges.ticks")] if ticks else [])]),
         "curves": plots.flexion_curves(curves, *CURVES, language) if curves else "",
         "curves_alt": say("ranges.curves"),

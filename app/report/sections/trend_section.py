@@ -41,9 +41,9 @@ def trend_section(content: Content, language: Language) -> dict[str, Any] | None
                 "title": label(key[2], language),
                 "value": value_words(key[2], values[-1], unit, language),
                 "chart": plots.trend_chart(moments, values, mdc.get(key), *CHART, language),
-                "alt": language.say(
+                "alt": language.counted(
                     "trends.alt",
-                    count=len(values),
+                    len(values),
                     first=value_words(key[2], values[0], unit, language),
                     last=value_words(key[2], values[-1], unit, language),
                 ),
@@ -52,13 +52,12 @@ def trend_section(content: Content, language: Language) -> dict[str, Any] | None
     if not charts:
         return None
     facts = {
-        "count": len(visits),
         "first": language.day(visits[0].started),
         "last": language.day(visits[-1].started),
     }
     return {
         "title": language.say("trends.title"),
-        "task": language.say("trends.span", **facts),
+        "task": language.counted("trends.span", len(visits), **facts),
         "charts": charts,
         "caption": language.say("trends.caption"),
     }

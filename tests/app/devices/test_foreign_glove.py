@@ -75,7 +75,10 @@ def faulty(tmp_path_factory: pytest.TempPathFactory) -> tuple[LoadedRecording, l
     ("fault", "sentence"),
     [
         ("another version", r"speaks version 2 of the wire protocol.*use firmware of version 1"),
-        ("half frames, wrong checksums", r"\d+ damaged, of \d+|frames were lost or damaged"),
+        (
+            "half frames, wrong checksums",
+            r"damaged \(\d+\), of \d+|frames? (was|were) lost or damaged",
+        ),
         ("a slot that is taken", r"slot 3 was claimed by strips.*plug only one of them in"),
         ("64 strips for one place", r"slots 100, 101, .*163 state the same place \(trunk\)"),
         ("rates of 0 and 1e9", r"messages of the glove were left out \(stream 20[01].*firmware"),

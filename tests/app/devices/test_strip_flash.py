@@ -245,7 +245,7 @@ def test_a_calibration_that_is_not_the_gloves_is_refused() -> None:
         (
             dict.fromkeys(("thumb_tip_force", "index_tip_force"), one),
             ("thumb", "index", "force", "torque"),
-            "3 by 3; this glove's sensors send 6",
+            "3 by 3; axes of this glove's sensors: 6",
         ),
         ({"thumb_tip_force": one}, ("thumb",), "no strip has any; plug in the strip 'force'"),
     ):

@@ -143,7 +143,7 @@ def test_the_pdf_says_it_what_is_beyond_first() -> None:
     assert (
         "gives (MDC95): nothing. Within it: Rate 0.40 per s higher. All others unchanged." in text
     )
-    assert "from 5 sessions repeated within a week" in text
+    assert "from sessions repeated within a week (5)" in text
     assert pages(FORMS["pdf"](content, Style())) == 3
 
 

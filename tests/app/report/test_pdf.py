@@ -86,7 +86,7 @@ def test_a_french_report_has_the_same_pages_its_own_words_and_no_character_that_
     for words in (
         "Bilan de la main",
         "21 novembre 2026",
-        "Tapotement des doigts : 2,50 tapotements par s",
+        "Tapotement des doigts : fréquence de tapotement 2,50 par s",
         "Auriculaire",
         "posture initiale, 1,5 à 4,5 s, 17 capteurs",
         "Amplitudes articulaires",
@@ -402,7 +402,7 @@ def test_streams_of_one_kind_are_told_together() -> None:
     )
     assert said["signal"][0] == [
         "Streams",
-        f"hand, forearm: 2 sensors at 60 Hz, {2 * len(imu.t):,} samples, 3 lost",
+        f"hand, forearm: 2 sensors at 60 Hz, samples: {2 * len(imu.t):,}, 3 lost",
     ]
 
 

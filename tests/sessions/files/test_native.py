@@ -144,8 +144,8 @@ def test_damage_is_told(tmp_path: Path, recorded: Recorded) -> None:
     path = tmp_path / "damaged.mcap"
     path.write_bytes(damaged)
     warnings = native.load(path).warnings
-    assert "1 pieces of the recording are damaged" in warnings[0]
-    assert any("samples were lost" in w for w in warnings)
+    assert "1 piece of the recording is damaged" in warnings[0]
+    assert any("lost samples" in w for w in warnings)
 
 
 @pytest.mark.parametrize("how", [0x01, 0x02, 0x10, 0x80, 0xFF])

@@ -161,7 +161,10 @@ def test_frames_without_a_hand_are_unknown(tmp_path: Path) -> None:
         ('{"fps": 30, "frames": [[], []]}', "no hand"),
         (as_json(np.array([1.0, 1.0]), np.ones((2, 21, 3))), "do not increase"),
         (as_json(np.arange(2.0), np.ones((2, 21, 3)), hand="both"), "left or right"),
-        (as_json(np.arange(2.0), np.ones((2, 20, 3))), "frame 0 does not hold 21"),
+        (
+            as_json(np.arange(2.0), np.ones((2, 20, 3))),
+            "frame 0 does not hold the points of a hand, which are 21",
+        ),
         (as_json(np.arange(2.0), np.ones((2, 21, 3)), fps=0.0), "cannot be"),
     ],
 )

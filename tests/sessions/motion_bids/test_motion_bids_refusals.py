@@ -168,17 +168,17 @@ BROKEN: dict[str, tuple[Break, str]] = {
     ),
     "a short line": (
         _motion(7, lambda line: line.rsplit("\t", 1)[0]),
-        r"tracksys-index_motion.tsv, line 7: 18 columns, its channels.tsv names 19",
+        r"tracksys-index_motion.tsv, line 7: wrong number of columns, 18; its channels.tsv names 19",
     ),
     "a long line": (
         _motion(30, lambda line: line + "\t1.0"),
-        r"tracksys-index_motion.tsv, line 30: 20 columns, its channels.tsv names 19",
+        r"tracksys-index_motion.tsv, line 30: wrong number of columns, 20; its channels.tsv names 19",
     ),
     "a column too few everywhere": (
         lambda files: with_text(
             files, "_tracksys-index_motion.tsv", lambda text: re.sub(r"\t[^\t\n]+\n", "\n", text)
         ),
-        "tracksys-index_motion.tsv.*18 columns, its channels.tsv names 19",
+        "tracksys-index_motion.tsv.*wrong number of columns, 18; its channels.tsv names 19",
     ),
     "text in numbers": (
         _motion(4, lambda line: line.replace("\t", "\tabc", 1)),
@@ -196,7 +196,10 @@ BROKEN: dict[str, tuple[Break, str]] = {
         _motion(1, lambda line: "\t".join(["time", *["x"] * 18]) + "\n" + line),
         r"line 1, column 1: 'time' is not a number",
     ),
-    "a comment": (_motion(1, lambda line: "# made by hand\n" + line), r"line 1: 1 columns"),
+    "a comment": (
+        _motion(1, lambda line: "# made by hand\n" + line),
+        r"line 1: wrong number of columns, 1;",
+    ),
     "bytes that are no text": (
         _motion(
             2, lambda line: line.replace("\t", "\t\ud800", 1).encode("utf-8", "replace").decode()
@@ -278,19 +281,19 @@ BROKEN: dict[str, tuple[Break, str]] = {
         lambda files: with_line(
             files, "_tracksys-index_channels.tsv", 3, lambda line: line + "\tx"
         ),
-        "tracksys-index_channels.tsv, line 3: 7 columns instead of 6",
+        "tracksys-index_channels.tsv, line 3: wrong number of columns, 7 instead of 6",
     ),
     "points in two tracking systems": (
         _twice,
-        "index_proximal has gyr samples in both tracksys-copy and tracksys-index; keep one",
+        "index_proximal has samples of gyr in both tracksys-copy and tracksys-index; keep one",
     ),
     "an empty line among the samples": (
         _motion(9, lambda line: line + "\n"),
-        r"tracksys-index_motion.tsv, line 10: 1 columns",
+        r"tracksys-index_motion.tsv, line 10: wrong number of columns, 1;",
     ),
     "an empty first line": (
         _motion(1, lambda line: "\n" + line),
-        r"tracksys-index_motion.tsv, line 1: 1 columns",
+        r"tracksys-index_motion.tsv, line 1: wrong number of columns, 1;",
     ),
     "an empty line among the samples of another system": (
         _motion(9, lambda line: line + "\r\n\r"),
@@ -318,7 +321,7 @@ BROKEN: dict[str, tuple[Break, str]] = {
     ),
     "an event with a cell too few": (
         _events("onset\tduration\ttrial_type\n1\t1\ttask\n2\t1\n"),
-        "events.tsv, line 3: 2 columns instead of 3",
+        "events.tsv, line 3: wrong number of columns, 2 instead of 3",
     ),
     "a thumb angle in words": (
         _events("onset\tduration\ttrial_type\tthumb_cmc_flexion_deg\n1\t3\tinitial_pose\tbent\n"),
@@ -351,7 +354,7 @@ BROKEN: dict[str, tuple[Break, str]] = {
     ),
     "several recordings": (
         _second_task,
-        r"holds 2 recordings \(sub-01_task-grip, sub-01_task-hand\); give the path of one of their motion.tsv",
+        r"holds several recordings \(2: sub-01_task-grip, sub-01_task-hand\); give the path of one of their motion.tsv",
     ),
     "no recording": (
         lambda files: {"README": b"nothing"},
@@ -479,7 +482,7 @@ def test_a_zip_of_too_many_or_too_large_files_is_not_opened(
     monkeypatch.setattr("handscope.sessions.motion_bids.files.MOST_BYTES", 1000)
     assert "split the recording" in _zip_refusal(tmp_path, packed(dataset()))
     monkeypatch.setattr("handscope.sessions.motion_bids.files.MOST_FILES", 3)
-    assert "more than 3" in _zip_refusal(tmp_path, packed(dataset()))
+    assert "at most 3" in _zip_refusal(tmp_path, packed(dataset()))
     with pytest.raises(InputError, match="more than 3"):
         motion_bids.load(folder(dataset(), tmp_path / "folder"))
 

@@ -206,7 +206,7 @@ def test_apdm_sensors_are_placed_by_their_labels(tmp_path: Path) -> None:
         ("a.mvnx", "<mvnx>", "cannot be read as mvnx"),
         ("a.mvnx", "<mvnx/>", "no segments"),
         ("a.bvh", "HIERARCHY\n}", "a bracket closes nothing"),
-        ("a.bvh", "HIERARCHY\nMOTION\nFrame Time: 0.01\n1 2", "frames without 0 numbers"),
+        ("a.bvh", "HIERARCHY\nMOTION\nFrame Time: 0.01\n1 2", "numbers wanted: 0"),
         ("a.bvh", "HIERARCHY\nMOTION\nFrame Time: x", "no line of a movement"),
         ("a.h5", "no hdf", "cannot be read as APDM's HDF5|need h5py"),
         ("a.xdf", "no xdf", "cannot be read as XDF|need pyxdf"),

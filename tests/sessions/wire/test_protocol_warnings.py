@@ -53,8 +53,8 @@ def test_frames_that_the_glove_dropped_are_not_the_wires() -> None:
     assert host.assembler.frame_losses == FrameLosses(glove=2, wire=1)
     assert host.warnings() == [
         "the glove dropped 2 frames because this machine did not take them",
-        "on the wire 1 frames were lost and 0 damaged, of 19",
-        "stream index: 15 of 65 samples were lost",
+        "on the wire frames were lost (1) or damaged (0), of 19",
+        "stream index: lost samples: 15 of 65",
     ]
 
 
