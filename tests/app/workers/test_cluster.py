@@ -6,6 +6,7 @@ import time
 import zipfile
 from collections.abc import Awaitable, Callable, Iterator
 from io import BytesIO
+from multiprocessing import forkserver
 from pathlib import Path
 from typing import Any
 
@@ -25,15 +26,24 @@ from handscope.sessions.store.store import Store, open_store
 from tests.simulated import loaded, pose_and_wiggle
 
 distributed = pytest.importorskip("distributed", reason="Dask is not installed: make lock")
+dask = pytest.importorskip("dask")
 
 NOBODY = "tcp://127.0.0.1:9"
+CHEAP = {
+    "distributed.worker.multiprocessing-method": "forkserver",  # else each imports everything anew
+    "distributed.scheduler.allowed-failures": 1,  # of 3: two workers die in place of four
+}
 
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, memory_limit=None
-    ) as made:
+    forkserver.ensure_running()  # with what CONTEXT preloads, not with what Dask does
+    with (
+        dask.config.set(CHEAP),
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", memory_limit=None
+        ) as made,
+    ):
         yield made
 
 
