@@ -1,6 +1,5 @@
 """A real server with virtual gloves, and real browsers on it; every page's console is listened to."""
 
-import re
 import signal
 import socket
 import subprocess
@@ -42,6 +41,12 @@ SELDOM = """
   window.requestAnimationFrame = (draw) => (pause() ? -setTimeout(() => draws(draw), pause()) : draws(draw));
   window.cancelAnimationFrame = (drawing) => (drawing < 0 ? clearTimeout(-drawing) : drops(drawing));
 """  # journeys ask what pages and scene hold; how the scene looks is tests/app/scene's
+NO_SCENE = """
+  HTMLIFrameElement.prototype.setAttribute = function (name, value) {
+    const isScene = name === "src" && value.includes("/scene/");
+    Element.prototype.setAttribute.call(this, isScene ? "srcdoc" : name, isScene ? "<!doctype html><title>Hand</title>" : value);
+  };
+"""  # not by a route: where there is one a browser keeps no file, and asks for all eighty of a page again
 
 
 def drawn_seldom() -> str:
@@ -51,12 +56,7 @@ def drawn_seldom() -> str:
 
 def empty_scene(page: Page) -> None:
     """An empty page in the scene's place: without a graphics card the scene takes a good part of a core, also where it draws nothing."""
-    page.route(
-        re.compile(r"/scene/([^/]+/)?$"),  # a therapist's and a patient's
-        lambda route: route.fulfill(
-            body="<!doctype html><title>Hand</title>", content_type="text/html"
-        ),
-    )
+    page.add_init_script(NO_SCENE)
 
 
 @pytest.fixture(scope="package")

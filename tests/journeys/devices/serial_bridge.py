@@ -19,6 +19,7 @@ from playwright.sync_api import BrowserContext, Error, Route
 from websockets.sync.server import ServerConnection, serve
 
 PIECE = 16384  # bytes
+BETWEEN = 0.05  # s between two pieces: one for each of the glove's frames would cost three processes some hundred messages a second
 SAME = 200  # bytes by which a place in the glove's bytes is found again
 DEVICE = "{ usbVendorId: 0x1209, usbProductId: 0x0001 }"
 IN_PAGE = f"""
@@ -96,7 +97,7 @@ class Bridge:
 
     def _send(self, browser: ServerConnection, left: threading.Event) -> None:
         at = self.taken
-        while not (left.is_set() or self._stop.is_set()):
+        while not (left.wait(BETWEEN) or self._stop.is_set()):
             with self._changed:
                 self._changed.wait(0.1)
                 piece = bytes(self.sent[at : at + PIECE])

@@ -16,7 +16,7 @@ from playwright.sync_api import Browser, Page
 
 from handscope.sessions.files.recording_file import Findings, read_messages
 from handscope.sessions.formats import recordings as formats_recordings
-from tests.journeys.conftest import SIZE
+from tests.journeys.conftest import SIZE, drawn_seldom, empty_scene
 from tests.journeys.devices.serial_bridge import PIECE, Bridge, Line, bridged
 from tests.journeys.house import (
     LONG,
@@ -62,7 +62,6 @@ FILLED = """async () => {
   store.put(piece, 0);
   return [2 ** 30, full, store.full ? kept() : 0];
 }"""
-NO_SCENE = "<!doctype html><title>Hand</title>"
 
 
 @pytest.fixture
@@ -79,7 +78,8 @@ def opened(browser: Browser, server: Server, base: str, bridge: Bridge | None) -
     context.set_default_timeout(LONG)
     assert context.request.post("/api/login", data={"token": server.token()}).ok
     page = context.new_page()
-    page.route("**/scene/*/", lambda route: route.fulfill(body=NO_SCENE, content_type="text/html"))
+    context.add_init_script(drawn_seldom())
+    empty_scene(page)
     if bridge is not None:
         bridge.into(context)
     return page
