@@ -34,11 +34,11 @@ def lanes(known: dict[str, float]) -> dict[str, str]:
 
 def order(items: list[pytest.Item]) -> None:
     """The journeys, a lane after the other, then the longest files, so that no process works alone on the last of them."""
-    known, root = seconds(), FILES.parent.parent
+    known = seconds()
     lane = lanes(known)
 
     def rank(item: pytest.Item) -> tuple[bool, str, float]:
-        file = item.path.relative_to(root).as_posix()
+        file = item.nodeid.partition("::")[0]
         return not file.startswith(JOURNEYS), lane.get(file, ""), -known.get(file, 0.0)
 
     items.sort(key=rank)  # stable

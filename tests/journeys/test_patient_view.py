@@ -135,11 +135,13 @@ def _tablet(page: Page) -> Page:
 
 
 def _measure_fist(page: Page) -> None:
-    """Pose and one trial of fist and straight."""
+    """Pose and one trial of fist and straight, ended early."""
     for step in ("continue", "start", "accept"):
         shown(act(page, step)).click()
     shown(page.locator('[data-task="rom_fist"]')).click()
-    for step in ("start", "accept"):
+    shown(act(page, "start")).click()
+    shown(page.get_by_text("Seconds left"))
+    for step in ("stop", "accept"):
         shown(act(page, step)).click()
     shown(page.locator("[data-other-hand], [data-act=finish]"))
 

@@ -40,7 +40,7 @@ IN_METRES = (  # rows of the reach that only a magnet gives
 def with_a_magnet(tmp_path: Path) -> Iterator[Path]:
     """A virtual glove with a plate of magnetometers on the trunk and a magnet on the hand."""
     port = tmp_path / "glove"
-    with glove(port, "--hand", "left", "--strips", "thumb,index,trunk"):
+    with glove(port, "--hand", "left", "--strips", "thumb,index,trunk", "--rate", "50"):
         yield port
 
 

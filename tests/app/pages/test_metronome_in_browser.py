@@ -114,26 +114,30 @@ class Session:
         self._ahead = (
             0  # ms that the page's clock is ahead of the wizard's: a message was on its way
         )
-        self._tell(0)
+        self._tell()
+        self._draw()
 
     def act(self, what: Action, **more: str) -> None:
         self.wizard, _ = wizard.act(self.wizard, what, self.status, **more)
-        self._tell(0)
+        self._tell()
+        self._draw()
 
     def passes(self, seconds: float) -> None:
         for _ in range(round(seconds / STEP)):
-            self.page.clock.run_for(round(1000 * STEP) - self._ahead)
-            self._ahead = 0
+            way = round(1000 * self._dice.uniform(0.0, self.late))
+            self.page.clock.run_for(round(1000 * STEP) - self._ahead + way)
+            self._ahead = way
             self.status = later(self.status, STEP, flowing=self.flowing)
             self.wizard, _ = wizard.tick(self.wizard, self.status)
-            self._tell(round(1000 * self._dice.uniform(0.0, self.late)))
+            self._tell()
+        self._draw()
 
     def clicks(self) -> list[tuple[float, float]]:
         """When each is heard by the wizard's clock, s, and its pitch, Hz."""
         return [(due - self._offset, pitch) for due, pitch in self.page.evaluate("clicks")]
 
-    def _tell(self, way: int) -> None:
-        """A message that is `way` ms on its way, and a picture of the screen after it."""
+    def _tell(self) -> None:
+        """A message arrives."""
         numbers = (
             []
             if self.counted is None
@@ -144,11 +148,12 @@ class Session:
             "glove": {"flowing": self.flowing},
             "numbers": numbers,
         }
-        if way:
-            self.page.clock.run_for(way)
         self.page.evaluate("(full) => tell(full)", message)
+
+    def _draw(self) -> None:
+        """A picture of the screen."""
         self.page.clock.run_for(PICTURE)
-        self._ahead += way + PICTURE
+        self._ahead += PICTURE
 
 
 def ready(page: Page, task: str, late: float = 0.0) -> Session:

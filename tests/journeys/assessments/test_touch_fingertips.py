@@ -17,16 +17,23 @@ from tests.journeys.house import (
 pytestmark = pytest.mark.browser
 
 
-TASKS = {  # words of the instruction, of the first phase, and of what was used
+TASKS = {  # words of the instruction, of the first phase, of the one at which it is ended, and of what was used
     "touch_fingertips": (
         "Lay the pad of the thumb on the pad of the finger",
         "Index finger",
+        "Middle finger",
         "thumb on index finger",
     ),
-    "touch_table": ("Put all fingertips on a level table", "Hold still", "fingertips on the table"),
+    "touch_table": (
+        "Put all fingertips on a level table",
+        "Hold still",
+        "",
+        "fingertips on the table",
+    ),
     "touch_palm": (
         "Bend the finger that is called until its tip touches",
         "Index finger",
+        "Middle finger",
         "index finger on the palm's mark",
     ),
 }
@@ -39,7 +46,7 @@ def test_contacts_of_one_session_are_told_as_used(page_without_scene: Page, serv
     shown(act(page, "continue")).click()
     shown(act(page, "start")).click()
     shown(act(page, "accept")).click()
-    for task, (instruction, first, used) in TASKS.items():
+    for task, (instruction, first, enough, used) in TASKS.items():
         shown(page.get_by_label("Which tasks?")).select_option("contacts")
         page.locator(f'[data-task="{task}"]').click()
         expect(page.get_by_text(instruction)).to_be_visible()
@@ -48,6 +55,9 @@ def test_contacts_of_one_session_are_told_as_used(page_without_scene: Page, serv
         act(page, "start").click()
         shown(page.get_by_text(first, exact=True))
         keep_picture(page, f"{picture}-running")
+        if enough:  # what was held until then is used
+            shown(page.get_by_text(enough, exact=True))
+            act(page, "stop").click()
         shown(act(page, "accept")).click()
         told = page.get_by_text(
             re.compile(f"Contacts of fingertips were used to calibrate: .*{used}")

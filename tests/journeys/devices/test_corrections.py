@@ -52,7 +52,7 @@ def test_a_fault_is_named_and_put_right_in_the_first_step_and_samples_stay_raw(
     page_without_scene: Page, server: Server, tmp_path: Path, fault: str
 ) -> None:
     page, (words, said, offered, kept) = page_without_scene, FAULTS[fault]
-    worn = ("--hand", "left", "--strips", "index,ring")
+    worn = ("--hand", "left", "--strips", "index,ring", "--rate", "50")
     with virtual_glove(tmp_path / "glove", *worn, *words) as port:
         begin(page, server, port)
         noticed = page.get_by_role("status").filter(has_text="Noticed at the sensors")
