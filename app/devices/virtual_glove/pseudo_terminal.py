@@ -10,7 +10,7 @@ from pathlib import Path
 
 from handscope.estimators.errors import InputError
 
-HANG_UP_WAIT = 0.004  # s until it is looked again whether a host has opened the port
+HANG_UP_WAIT = 0.02  # s until it is looked again whether a host has opened the port
 
 
 def require_free(path: Path) -> None:
