@@ -75,16 +75,19 @@ export function mount(root, api, { go, title, roles }) {
     }
   }
 
+  const found = h("div", {}, searchRow(search, archived), box.element, list);
+  const below = h("div", { class: "stack", hidden: treats }, form, found, emergencies, erased);
   root.append(
     h("div", { class: "head" }, h("div", {}, h("h1", {}, t("patients.title")), h("p", { class: "soft" }, t("patients.lead"))), opener),
     unfinished,
-    h("div", { class: "stack" }, form, h("div", {}, searchRow(search, archived), box.element, list), emergencies, erased),
+    below,
   );
   draw();
-  const leaveUnfinished = treats ? notFinished.mount(unfinished, api) : () => {};
+  const above = treats ? notFinished.mount(unfinished, api) : null;
+  above?.said.then(() => (below.hidden = false)); // else it would be moved down
   const leaveEmergencies = treats ? emergency.mount(emergencies, api, { go }) : () => {};
   return () => {
-    leaveUnfinished();
+    above?.leave();
     leaveEmergencies();
     leaveErased();
     asked += 1;

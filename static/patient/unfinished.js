@@ -6,6 +6,7 @@ import { dayAndTime, t } from "../words/words.js";
 const REPAIR_MS = 3000; // between two looks at a repair
 const ELSEWHERE_MS = 15000; // at what another server records
 
+/** Gives what ends it, and when it has said so for the first time. */
 export function mount(root, api) {
   let gone = false;
   let timer = 0;
@@ -20,11 +21,11 @@ export function mount(root, api) {
     timer = gone ? 0 : setTimeout(draw, wait);
   };
   const draw = () => api.get("/api/sessions/unfinished").then(show, () => again(ELSEWHERE_MS)); // the list below says what is wrong
-  draw();
-  return () => {
+  const leave = () => {
     gone = true;
     clearTimeout(timer);
   };
+  return { leave, said: draw() };
 }
 
 /** The button that finishes a session where it stands, and what goes wrong with that. */

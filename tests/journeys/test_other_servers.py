@@ -1,7 +1,7 @@
 """Where several servers share a database: the list of patients says who records where, and leads there."""
 
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser, Route, expect
 
 from tests.journeys.house import Server, keep_screen, shown
 
@@ -40,4 +40,20 @@ def test_a_session_at_another_server_is_named_with_the_way_there(
     expect(page.locator(".warning", has_text=silent)).to_have_count(1)
     expect(page.get_by_role("link", name=go)).to_have_count(1)
     keep_screen(page, f"other-server-{language}")
+    context.close()
+
+
+def test_the_list_comes_when_it_is_known_what_stands_above_it(
+    browser: Browser, server: Server
+) -> None:
+    context = browser.new_context(locale="en")
+    page, held = context.new_page(), list[Route]()
+    page.route("**/api/sessions/unfinished", lambda route: held.append(route))
+    with page.expect_response("**/api/patients?*"):
+        page.goto(server.address())
+    expect(page.get_by_role("heading", name="Patients")).to_be_visible()
+    expect(page.get_by_role("searchbox")).to_be_hidden()
+    held[0].fulfill(json=[{**ROW, "elsewhere": THERE}])
+    expect(page.get_by_role("searchbox")).to_be_visible()
+    expect(page.get_by_role("link", name="Go to room-2")).to_be_visible()
     context.close()
