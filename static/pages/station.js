@@ -2,8 +2,6 @@
 import { h } from "../dom.js";
 import { errorBox } from "../forms.js";
 import { follow } from "../station/connection.js";
-import * as live from "../station/live.js";
-import * as replay from "../station/replay.js";
 import * as views from "../station/views.js";
 import { t } from "../words/words.js";
 
@@ -12,7 +10,9 @@ export function mount(root, api, { id, go, title }) {
   const box = errorBox();
   const line = h("p", { class: "line warning", role: "status", hidden: true }, t("station.line_lost"));
   const panel = h("div", { class: "panel" });
-  const scene = h("div", { class: "scene" });
+  const frame = h("iframe", { src: `/scene/${id}/`, title: t("station.scene") });
+  frame.style.visibility = "hidden"; // until it is known that there is such a station
+  const scene = h("div", { class: "scene" }, frame);
   const strip = h("div", { class: "strip" });
   let leave = () => {};
   let gone = false;
@@ -40,12 +40,13 @@ export function mount(root, api, { id, go, title }) {
   async function begin() {
     await station.begin();
     if (gone) return;
-    const session = await api.get(`/api/sessions/${station.latest.session}`);
+    /** @type {[any, { mount: (...given: any[]) => () => void }]} */
+    const [session, kind] = await Promise.all([
+      api.get(`/api/sessions/${station.latest.session}`),
+      station.latest.replay ? import("../station/replay.js") : import("../station/live.js"),
+    ]);
     if (gone) return;
-    const kind = station.latest.replay ? replay : live;
-    const frame = h("iframe", { src: `/scene/${id}/`, title: t("station.scene") });
-    scene.append(frame);
-    root.append(h("div", { class: "workplace" }, h("div", { class: "view" }, line, scene, strip), panel), box.element);
+    frame.style.visibility = "";
     title(t(station.latest.replay ? "replay.title" : "station.title", { patient: session.patient.pseudonym }));
     const sides = h("div", { class: "views" });
     scene.append(sides);
@@ -53,6 +54,7 @@ export function mount(root, api, { id, go, title }) {
     leave = () => parts.forEach((unmount) => unmount());
   }
 
+  root.append(h("div", { class: "workplace" }, h("div", { class: "view" }, line, scene, strip), panel), box.element);
   begin().catch(missing);
   return () => {
     gone = true;
