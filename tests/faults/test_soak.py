@@ -125,7 +125,7 @@ def test_a_real_server_stays_as_it_was() -> None:
             station = begin_tasks(client, port)
             began, told, family = time.monotonic(), list[list[float]](), descendants(pid)
             while time.monotonic() - began < SOAK:
-                ages = asyncio.run(live.watch(client, [station], live.VIEWERS, live.SECONDS))
+                _, ages = asyncio.run(live.watch(client, [station], live.VIEWERS, live.SECONDS))
                 assert descendants(pid) == family, "a process of the server's ended or began"
                 told.append(
                     [time.monotonic() - began, float(np.percentile(ages, 99)), *map(memory, family)]

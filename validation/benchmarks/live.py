@@ -18,6 +18,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.typing import Origin, Subprotocol
 
 from handscope.app.scene.bridge import PROTOCOL
+from handscope.estimators.numerics.typing import Array
 from handscope.validation.benchmarks import Metric, costs
 from handscope.validation.benchmarks.server_under_test import (
     Client,
@@ -32,6 +33,7 @@ VIEWERS = 4
 SECONDS = 12.0  # less than the task lasts
 STREAM_RATE = 120.0  # Hz, of the program that reads the poses beside the viewers
 ASKED = 4  # times that a viewer asks for a scene
+AS_A_PAGE = "rate=20&changes=true"  # what static/station/connection.js asks for
 
 
 def measure() -> list[Metric]:
@@ -65,9 +67,9 @@ def measure() -> list[Metric]:
     ]
 
 
-async def _watch_both(client: Client, station: str, token: str) -> tuple[list[float], list[float]]:
+async def _watch_both(client: Client, station: str, token: str) -> tuple[Array, list[float]]:
     """Ages (ms) at the viewers of the pages, and at a program that reads the stream of poses (docs/live-stream.md)."""
-    viewers, stream = await asyncio.gather(
+    (_, viewers), stream = await asyncio.gather(
         watch(client, [station], VIEWERS, SECONDS), _stream(client, token, SECONDS)
     )
     return viewers, stream
@@ -93,32 +95,33 @@ async def _stream(client: Client, token: str, seconds: float) -> list[float]:
 
 async def watch(
     client: Client, stations: Sequence[str], viewers: int, seconds: float
-) -> list[float]:
-    """Ages (ms) of what so many viewers of each station are told, figures and scene open."""
+) -> tuple[Array, Array]:
+    """What so many viewers of each station are told, figures and scene open: when each message came, s after the first of them asked, and the age (ms) of its newest sample."""
+    began = time.monotonic()
     snapshot = asyncio.gather(
         *(_viewer(client, station, seconds) for station in stations for _ in range(viewers))
     )
     scenes = [
         asyncio.create_task(_scene(client, station)) for station in stations for _ in range(viewers)
     ]
-    ages = [age for one in await snapshot for age in one]
+    came, ages = np.transpose([one for viewer in await snapshot for one in viewer])
     if any(scene.done() for scene in scenes):
         raise RuntimeError("a viewer's 3-D scene was closed")
     for scene in scenes:
         scene.cancel()
     await asyncio.gather(*scenes, return_exceptions=True)  # each says goodbye
-    return ages
+    return came - began, ages
 
 
-async def _viewer(client: Client, station: str, seconds: float) -> list[float]:
-    """Ages (ms) of the newest sample of every message, as the viewer receives it."""
+async def _viewer(client: Client, station: str, seconds: float) -> list[tuple[float, float]]:
+    """When (s) each message came to the viewer, and the age (ms) of its newest sample then."""
     ages, until = [], time.monotonic() + seconds
-    async with _socket(client, f"/api/stations/{station}/live") as socket:
+    async with _socket(client, f"/api/stations/{station}/live?{AS_A_PAGE}") as socket:
         while time.monotonic() < until:
             message = json.loads(await socket.recv())
-            pulse = message["pulse"]
+            pulse, now = message["pulse"], time.monotonic()
             if pulse["row_age_ms"] is not None:
-                ages.append(pulse["row_age_ms"] + 1e3 * (time.monotonic() - pulse["sent"]))
+                ages.append((now, pulse["row_age_ms"] + 1e3 * (now - pulse["sent"])))
     return ages
 
 
