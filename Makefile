@@ -83,7 +83,7 @@ LANE ?= not slow
 # More than twice as many as the cores that the suite is meant for: browsers, servers and programs are waited for
 WORKERS ?= 5
 
-tests: $(VENV)/runs $(VENV)/develops browser
+tests: $(VENV)/kept $(VENV)/develops browser
 	$(PYTEST) -m "$(LANE)"
 
 # How long each test file takes: the order in which they are handed out; and which tests take long
@@ -117,6 +117,11 @@ KERNELS := $(shell grep -rlE '^@(looped|rowwise|rowwise_bool|inlined)' --include
 $(VENV)/runs: $(VENV)/installed $(KERNELS)
 	@echo "translating the estimators to machine code, once ..."
 	@find app estimators sessions validation -name '*.nb[ic]' -delete  # code of an earlier version, perhaps of modules that were renamed
+	$(BIN)/python -P -m handscope.app.compile_kernels
+	@touch $@ $(VENV)/kept
+
+# After any other change of the estimators, too: else each server that the tests start makes sure of it beside serving, half a minute of a core
+$(VENV)/kept: $(VENV)/runs $(shell find estimators -name '*.py')
 	$(BIN)/python -P -m handscope.app.compile_kernels
 	@touch $@
 

@@ -46,7 +46,7 @@ def finished(client: TestClient, result: int) -> dict[str, Any]:
     until = time.monotonic() + 60
     while (found := client.get(f"/api/results/{result}").json())["state"] in ("queued", "running"):
         assert time.monotonic() < until
-        time.sleep(0.05)
+        time.sleep(0.2)
     return dict(found)
 
 

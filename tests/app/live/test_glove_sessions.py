@@ -48,7 +48,7 @@ def test_a_glove_of_hand_and_forearm_measures_the_wrist(
     station_at: Callable[[str], Station], tmp_path: Path
 ) -> None:
     with (
-        virtual_glove(tmp_path / "glove", "--strips", "forearm") as port,
+        virtual_glove(tmp_path / "glove", "--strips", "forearm", "--rate", "50") as port,
         station_at(str(port)) as station,
     ):
         wait_for(lambda: "continue" in station.snapshot()["wizard"]["actions"])
@@ -99,7 +99,7 @@ def test_a_network_glove_comes_back_in_the_same_session_with_a_gap_in_the_record
     outage: float, station_at: Callable[[str], Station]
 ) -> None:
     with (
-        glove_behind_tcp("--unplug", f"12:{outage:g}") as url,
+        glove_behind_tcp("--rate", "50", "--unplug", f"12:{outage:g}") as url,
         station_at(url) as station,
     ):
         calibrate(station)

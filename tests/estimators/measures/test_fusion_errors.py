@@ -112,8 +112,8 @@ def test_what_is_known_without_a_sensor_on_the_forearm_has_its_error_bars(
     ("world", "experiment"),
     [
         ("as believed", "free"),
-        ("misalignment x 2", "free"),
-        ("as believed", OTHER),
+        pytest.param("misalignment x 2", "free", marks=pytest.mark.slow),
+        pytest.param("as believed", OTHER, marks=pytest.mark.slow),
         ("misalignment x 2", OTHER),
     ],
 )

@@ -2,6 +2,7 @@
 
 import pickle
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,13 @@ def _stepped(
     return trajectory.join([*given, moved], recording.hand)
 
 
+@cache
+def _left_whole(method: Method[Any, Any]) -> Trajectory:
+    """What the left hand's recording gives in one piece a strip, made once."""
+    recording = in_strips("left")
+    return _stepped(method, recording, list(recording.blocks()))
+
+
 def _pieces(recording: Simulated, where: list[int], seed: int = 1) -> list[Block]:
     return list(
         interleaved(
@@ -52,10 +60,8 @@ def test_a_recording_may_be_cut_anywhere(
     method: Method[Any, Any], where: list[int], seed: int
 ) -> None:
     recording = in_strips("left")
-    assert_same(
-        _stepped(method, recording, _pieces(recording, where, seed)),
-        _stepped(method, recording, list(recording.blocks())),
-    )
+    pieces = _pieces(recording, where, seed)
+    assert_same(_stepped(method, recording, pieces), _left_whole(method))
 
 
 @every_method
@@ -73,10 +79,7 @@ def test_blocks_of_several_streams_may_come_together(
         state, moved = method.step(params, state, *blocks)
         given.append(moved)
     _, moved = method.finish(params, state)
-    assert_same(
-        trajectory.join([*given, moved], recording.hand),
-        _stepped(method, recording, list(recording.blocks())),
-    )
+    assert_same(trajectory.join([*given, moved], recording.hand), _left_whole(method))
 
 
 @every_method
@@ -160,9 +163,8 @@ def test_a_mirrored_recording_gives_the_mirrored_hand(method: Method[Any, Any]) 
     """In the mirror polar vectors change the sign of their components in the other hand's frames,
     axial ones (rates, magnetic fields) keep it."""
     recording = in_strips("left")
-    moved, seen = (
-        _stepped(method, r, list(r.blocks())) for r in (recording, _in_the_mirror(recording))
-    )
+    mirrored = _in_the_mirror(recording)
+    moved, seen = _left_whole(method), _stepped(method, mirrored, list(mirrored.blocks()))
     np.testing.assert_array_equal(seen.t, moved.t)
     np.testing.assert_array_equal(seen.flags, moved.flags)
     np.testing.assert_allclose(seen.angles, moved.angles, atol=1e-9)
