@@ -17,11 +17,17 @@ from handscope.estimators.data.findings import Finding, whole_streams
 from handscope.estimators.data.held_contact import ContactOutcome
 from handscope.estimators.data.magnet_streams import find_magnetometers
 from handscope.estimators.data.mounting_change import MountingChange
-from handscope.estimators.data.samples import ORIENTATION, Block, Recording, WholeRecording
+from handscope.estimators.data.samples import (
+    FORCE,
+    ORIENTATION,
+    TORQUE,
+    Block,
+    Recording,
+    WholeRecording,
+)
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.fault_detection.finding import NOTHING_UNTESTED, Suspicion, Untested
 from handscope.estimators.fault_detection.words import as_findings, sentence
-from handscope.estimators.force import fingertip_forces
 from handscope.estimators.orientation.given_orientations import (
     GivenParams,
     rate_orientations,
@@ -102,13 +108,7 @@ def process(
         [c.t for c in calibrations],
         method.CAPABILITIES.needs_magnetometers,
     )
-    movement, of_forces = fingertip_forces.attach_forces(
-        fingertip_forces.ForceParams(),
-        movement,
-        measured,
-        recording.mounting,
-        calibrations,
-    )
+    movement, of_forces = _attach_forces(movement, measured, recording, calibrations)
     movement, of_place = _add_hand_position(movement, measured, recording)
     fault_messages = [f.message for f in findings if f.kind != "saturated" or not scales_declared]
     messages = [
@@ -141,6 +141,21 @@ def _contact_outcomes(method: AnyMethod[P], ends: Sequence[object]) -> Iterator[
     if uses_contacts(method):
         for state in ends:
             yield from method.contact_outcomes(state)
+
+
+def _attach_forces(
+    movement: Trajectory,
+    measured: list[Block],
+    recording: Recording,
+    calibrations: Sequence[Calibration],
+) -> tuple[Trajectory, list[str]]:
+    """With the fingertips' forces where a force sensor is worn, and messages."""
+    if not any({FORCE, TORQUE} & set(b.stream.quantities) for b in measured):
+        return movement, []
+    # a fiftieth of every start, for recordings with forces alone
+    from handscope.estimators.force.fingertip_forces import ForceParams, attach_forces
+
+    return attach_forces(ForceParams(), movement, measured, recording.mounting, calibrations)
 
 
 def _add_hand_position(
