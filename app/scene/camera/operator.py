@@ -12,6 +12,7 @@ from handscope.app.scene.camera.sides import Camera
 from handscope.estimators.numerics.typing import Array
 
 EASING, PICTURE = 0.8, 1 / 30  # s
+AT_FIRST = 1e-3  # scene units from the first view: nobody drags a camera there
 
 
 class CameraOperator:
@@ -44,13 +45,19 @@ class CameraOperator:
             await asyncio.sleep(PICTURE)
 
     async def _begin(self, client: ClientHandle) -> None:
-        """Place a new viewer's camera, and keep what is needed in view of a narrow window."""
+        """Place a new viewer's camera, and keep what is needed in view of a narrow window.
+
+        A browser that is busy goes to the first view of all after it was placed, and says so: it is placed again.
+        """
         self._fit(client.camera)
         self._place(client, None, 1.0)
-        client.camera.on_update(self._refit)
 
-    async def _refit(self, camera: CameraHandle) -> None:
-        self._fit(camera)
+        async def refit(camera: CameraHandle) -> None:
+            self._fit(camera)
+            if np.allclose(camera.position, view.CAMERA, atol=AT_FIRST):
+                self._place(client, None, 1.0)
+
+        client.camera.on_update(refit)
 
     def _place(self, client: ClientHandle, start: Camera | None, share: float) -> None:
         if self._wanted is None:

@@ -83,6 +83,10 @@ class Seen:
     look_at: Array = field(default_factory=lambda: view.LOOK_AT.copy())
     fov: float = float(FOV)
     aspect: float = 1.4
+    told: list[Any] = field(default_factory=list)
+
+    def on_update(self, told: Any) -> None:
+        self.told.append(told)
 
 
 @dataclass
@@ -133,3 +137,27 @@ def test_a_camera_moves_to_another_side_smoothly_and_a_newer_wish_ends_the_older
     np.testing.assert_allclose(last.look_at, wanted.look_at)
     steps = [np.linalg.norm(b - a) for a, b in pairwise(seen)]
     assert max(steps) < 0.12 * np.linalg.norm(wanted.position - view.CAMERA)
+
+
+def test_a_browser_that_goes_to_its_first_view_after_it_was_placed_is_placed_again() -> None:
+    """viser's page takes the first view in its next picture: on a busy machine after the place that it was sent when it came."""
+    points = outline([postures.relaxed()], sized("left"), view.palm_down("left"))
+    thumb = sides.direction("thumb", "left", view.palm_down("left"))
+
+    async def places() -> tuple[Array, Array, Array]:
+        server = Viewers()
+        CameraOperator(cast(ViserServer, server), view.NARROW, lambda: 0.0).look(thumb, points)
+        camera = server.viewer.camera
+        await server.begin(server.viewer)
+        placed, dragged = camera.position, camera.position + 0.3
+        camera.position, camera.look_at = view.CAMERA.copy(), view.LOOK_AT.copy()
+        await camera.told[0](camera)
+        again = camera.position
+        camera.position = dragged
+        await camera.told[0](camera)
+        return placed, again, camera.position - dragged
+
+    placed, again, moved = asyncio.run(places())
+    np.testing.assert_allclose(placed, frame(thumb, points, FOV, 1.4).position)
+    np.testing.assert_array_equal(again, placed)
+    np.testing.assert_array_equal(moved, 0.0)  # a view that was chosen by hand stays
