@@ -83,8 +83,10 @@ class Language:
         )
 
     def number(self, value: float, decimals: int = 0) -> str:
+        """A number in the locale's form, with a true minus sign."""
         form = f"#,##0.{'0' * decimals}" if decimals else "#,##0"
-        return str(format_decimal(round(value, decimals) + 0.0, form, self.locale))
+        written = str(format_decimal(round(value, decimals) + 0.0, form, self.locale))
+        return written.replace("-", "−")
 
     def day(self, moment: date) -> str:
         """ "24 November 2026": of a moment, the day where the reader is."""

@@ -10,7 +10,7 @@ from handscope.app.report.changes import Change, Changes
 from handscope.app.report.content import Task
 from handscope.app.report.progress.labels import label
 from handscope.app.report.sections.range_rows import RangeRow
-from handscope.app.report.units import DEG, with_unit
+from handscope.app.report.units import DEG, directed, with_unit
 from handscope.app.report.words import (
     ROTATION,
     SIDES,
@@ -27,7 +27,9 @@ ENDS: tuple[tuple[End, int], ...] = (
     ("largest", 1),
 )  # and the direction in which it is more
 MORE, LEVEL = ("more", "less"), ("higher", "lower")
+PACE = ("faster", "slower")  # of fatigue: the first intervals less the last
 LISTED = 10  # changes within the MDC at most that the print lists; of more it tells how many, so that a report stays a page
+NAMED = 4  # changes that are not judged at most that the print names
 DECIMALS = {"deg": 0, "deg/s": 0, "per s": 2, "s": 3, "%": 1, "mm": 1, "mm/s": 0, "": 1}
 
 
@@ -97,12 +99,12 @@ def tapping_changes(found: Changes, tasks: Sequence[Task], language: Language) -
     )
 
 
-def tapping_words(found: Changes, language: Language) -> dict[str, dict[str, str]]:
-    """By task and figure, the mean of the trials then and now: "0.40 per s higher, within MDC"."""
-    words: dict[str, dict[str, str]] = {}
-    for c in found.each:
+def tapping_words(found: Changes, language: Language) -> dict[str, list[tuple[Change, str]]]:
+    """By task the mean of the trials then and now: "0.40 per s higher, within MDC"; what is beyond it first, what is not judged last."""
+    words: dict[str, list[tuple[Change, str]]] = {}
+    for c in sorted(found.each, key=lambda c: (not c.beyond, c.mdc95 is None)):
         if c.measure == "tapping":
-            words.setdefault(c.task, {})[c.name] = _words(c, 1, language, LEVEL)
+            words.setdefault(c.task, []).append((c, _words(c, 1, language, LEVEL)))
     return words
 
 
@@ -135,9 +137,7 @@ def value_words(name: str, value: float, unit: str, language: Language) -> str:
         )
     size, is_angle = amount(abs(value), name, unit, language), name.rpartition("_")[0] in DOF_NAMES
     is_nothing = size == amount(0.0, name, unit, language)
-    if value >= 0 or is_angle or is_nothing:
-        return size
-    return language.say("progress.below_zero", size=size)
+    return size if is_angle or is_nothing else directed(name, value, size, language)
 
 
 def amount(value: float, name: str, unit: str, language: Language) -> str:
@@ -176,6 +176,9 @@ def _paragraph(
             if beyond
             else language.say("changes.all", count=len(inside))
         )
+    open_ = sum(map(len, groups["unjudged"].values()))
+    if open_ > NAMED:
+        unjudged = language.counted("trust.figures", open_)
     listed = sum(len(all_) for group in groups.values() for all_ in group.values())
     return " ".join(
         [
@@ -243,7 +246,8 @@ def _which(
     size, nothing = (_size(v, c, language) for v in (abs(c.value), 0.0))
     if size == nothing:
         return language.say("change.none"), True
-    return language.say(f"change.{more[0] if sign * c.value > 0 else more[1]}", size=size), False
+    which = PACE if "_fatigue" in c.name else more
+    return language.say(f"change.{which[0] if sign * c.value > 0 else which[1]}", size=size), False
 
 
 def _size(value: float, c: Change, language: Language) -> str:

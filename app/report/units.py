@@ -21,6 +21,11 @@ READABLE = {
 }
 SHARES = ("_cv", "_ratio", "_share")  # figures of unit 1 that are read in percent
 
+DIRECTIONS = {  # of figures that are changes themselves; fatigue is the first intervals less the last
+    "_fatigue": ("slower", "faster"),
+    "_interval_slope": ("shorter", "longer"),
+    "_decrement_": ("smaller", "larger"),
+}
 TAPPING_DECIMALS = {  # of the figures of tapping that have a row, in order
     "tapping_count": 0,
     "tapping_rate": 2,
@@ -74,11 +79,24 @@ def with_unit(number: str, unit: str, language: Language) -> str:
     return f"{number}{words}" if words.startswith("°") else f"{number} {words}".strip()
 
 
-def signed(value: float, places: int, unit: str, language: Language) -> str:
-    """A number with its unit and so many decimals; below zero it is said in words."""
+def signed(name: str, value: float, places: int, unit: str, language: Language) -> str:
+    """A figure's number with its unit and so many decimals; its sign is said in words."""
     size = with_unit(language.number(abs(value), places), unit, language)
-    below = value < 0 and round(-value, places) > 0
-    return language.say("progress.below_zero", size=size) if below else size
+    return directed(name, value, size, language) if round(abs(value), places) else size
+
+
+def directed(name: str, value: float, size: str, language: Language) -> str:
+    """A size with the direction that the sign of a figure's value, not zero, stands for: "0.05 s slower"; of most figures one above zero has none."""
+    below, above = directions_of(name)
+    direction = below if value < 0 else above
+    return language.say(f"direction.{direction}", size=size) if direction else size
+
+
+def directions_of(name: str) -> tuple[str, str]:
+    """What values of a figure below and above zero are."""
+    return next(
+        (directions for part, directions in DIRECTIONS.items() if part in name), ("smaller", "")
+    )
 
 
 def places_of(value: float, unit: str) -> int:

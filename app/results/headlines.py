@@ -152,7 +152,7 @@ def _verdict(figure: Figure, change: Change | None) -> Literal["better", "worse"
 def _words(figure: Figure, value: float, language: Language) -> str:
     """A value in the unit a person reads; below zero it is said in words."""
     read = reading(Figure(figure.name, value, figure.unit, ""))
-    return signed(read.value, places_of(read.value, read.unit), read.unit, language)
+    return signed(figure.name, read.value, places_of(read.value, read.unit), read.unit, language)
 
 
 def finger_rows(

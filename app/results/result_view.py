@@ -175,8 +175,14 @@ def _changes(
         {
             "title": _title({"task": task}, protocols.get(task), language),
             "figures": [
-                {"name": name, "label": figure_words(name, language), "words": words}
-                for name, words in figures.items()
+                {
+                    "name": c.name,
+                    "label": figure_words(c.name, language),
+                    "words": words,
+                    "beyond": c.beyond,
+                    "judged": c.mdc95 is not None,
+                }
+                for c, words in figures
             ],
         }
         for task, figures in tapping_words(changes, language).items()

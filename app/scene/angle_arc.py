@@ -33,6 +33,14 @@ NUMBER = 1.45  # of the radius, where the number stands
 THICK, THIN, BROAD = 0.001, 0.0004, 0.0018  # m: half of a line's thickness
 AGAIN = 0.2  # s until the number is written again, as the angles in the panel: each costs a browser more than the hand's bones
 APERTURE = "aperture"
+# Latin, the same in every language that reads the scene: what an angle below and above zero is, "" for the one that the task is named by
+DIRECTIONS = {FLEXION: ("ext.", ""), DEVIATION: ("add.", "abd.")}
+SIDES = {
+    "wrist": ("rad.", "uln."),
+    "middle_mcp": ("rad.", "uln."),
+    "thumb_cmc": ("abd.", "add."),
+    "index_mcp": ("abd.", "add."),
+}
 
 
 @dataclass(frozen=True)
@@ -136,8 +144,15 @@ def _lines(measured: Measured, angles: Array, geometry: HandGeometry) -> _Lines 
         None,
         band,
         at(np.array([0.5 * value]), NUMBER * RADIUS)[0],
-        f"{round(float(np.degrees(value)))}°".replace("-", "−"),
+        _words(joint, axis, round(float(np.degrees(value)))),
     )
+
+
+def _words(joint: str, axis: int, degrees: int) -> str:
+    """ "63°", "ext. 4°": a sign would be read either way."""
+    below, above = DIRECTIONS[axis] if axis == FLEXION else SIDES.get(joint, DIRECTIONS[axis])
+    direction = below if degrees < 0 else above if degrees else ""
+    return f"{direction} {abs(degrees)}°".strip()
 
 
 def _aperture(angles: Array, geometry: HandGeometry) -> _Lines:

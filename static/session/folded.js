@@ -5,7 +5,10 @@ import { t } from "../words/words.js";
 /** `words` stand on the fold; `shown` is the table or what it scrolls in, in which rows are looked for. */
 export function folded(words, shown, ...more) {
   const rows = [...shown.querySelectorAll("tbody tr")];
-  const show = (sought) => rows.forEach((row) => (row.hidden = !row.textContent.toLowerCase().includes(sought)));
+  const show = (sought) => {
+    rows.forEach((row) => (row.hidden = !row.textContent.toLowerCase().includes(sought)));
+    shown.querySelectorAll("details").forEach((inner) => (inner.open = sought !== "")); // what is found there is seen
+  };
   const search = h("input", {
     type: "search",
     "aria-label": t("measures.search"),

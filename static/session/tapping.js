@@ -23,7 +23,8 @@ export const DECIMALS = {
   longest_stop: 2,
 };
 const FIRST = ["count", "rate", "interval_mean", "amplitude_mean", "decrement_ratio"]; // the others are folded away
-const CHANGES = ["decrement_slope", "decrement_ratio"]; // read as smaller or larger, not as a sign
+const SIZES = ["smaller", "larger"];
+const WAYS = { decrement_slope: SIZES, decrement_ratio: SIZES, fatigue50: ["slower", "faster"] }; // what their signs are read as
 
 export function mount(root, api, { result }) {
   const leave = result.readings.tapping.map((trial, k, all) => {
@@ -116,9 +117,10 @@ function valueOf(figure, trial) {
   if (figure.value === null) return t(trial.amplitudes_mm.length ? "tapping.too_few" : "tapping.not_measured");
   const digits = DECIMALS[shortOf(figure)] ?? 2;
   const size = decimal(Math.abs(figure.value), digits);
-  if (CHANGES.includes(shortOf(figure))) {
+  const ways = WAYS[shortOf(figure)];
+  if (ways) {
     const none = Number(figure.value.toFixed(digits)) === 0;
-    return none ? t("tapping.same") : t(figure.value < 0 ? "tapping.smaller" : "tapping.larger", { size, unit: figure.unit });
+    return none ? t("tapping.same") : t(`direction.${ways[Number(figure.value > 0)]}`, { size: `${size} ${figure.unit}` });
   }
   const sure = figure.sd >= 0.5 * 10 ** -digits ? ` ± ${decimal(figure.sd, digits)}` : ""; // a deviation below the last digit is left out
   if (figure.unit === "deg") return `${size}${sure}°`;

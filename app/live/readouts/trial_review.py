@@ -224,7 +224,7 @@ def _figure_words(f: Mapping[str, Any], language: Language) -> dict[str, Any]:
         if value < 0 and f["unit"] == "deg":
             return value_words(f["figure"], value, "deg", language)
         places = 0 if f["unit"] == "deg" else places_of(f["value"], f["unit"])
-        return signed(value, places, f["unit"], language)
+        return signed(f["figure"], value, places, f["unit"], language)
 
     return {
         "label": named(figure, language),

@@ -19,6 +19,7 @@ from handscope.app.report.units import (
     DEG,
     decimals,
     decimals_of_sd,
+    directed,
     places_of,
     reading,
     unit_words,
@@ -182,13 +183,13 @@ def norm_words(
 
 
 def _value(figure: Figure, language: Language) -> str:
-    """ "81 ± 2" in the unit a person reads, with decimals that a person can use; a deviation below the last of them is left out."""
+    """ "81 ± 2" in the unit a person reads, with decimals that a person can use; a deviation below the last of them is left out, and a sign is said in words."""
     read = reading(figure)
     if not np.isfinite(read.value):
         return language.say("not_measured")
     places = 0 if figure.name.endswith("_count") else places_of(read.value, read.unit)
-    value = language.number(read.value, places)
-    if figure.sd is None or not np.isfinite(figure.sd):
-        return value
-    sd = abs(reading(replace(figure, value=figure.sd)).value)
-    return f"{value} ± {language.number(sd, places)}" if sd >= 0.5 * 10.0**-places else value
+    size = language.number(abs(read.value), places)
+    sd = 0.0 if figure.sd is None else abs(reading(replace(figure, value=figure.sd)).value)
+    if 0.5 * 10.0**-places <= sd < np.inf:
+        size = f"{size} ± {language.number(sd, places)}"
+    return directed(figure.name, read.value, size, language) if read.value else size

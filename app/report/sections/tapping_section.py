@@ -11,7 +11,13 @@ from handscope.app.report.change_words import tapping_changes
 from handscope.app.report.changes import Changes
 from handscope.app.report.content import Task
 from handscope.app.report.sections import plots
-from handscope.app.report.units import TAPPING_DECIMALS, reading, unit_words
+from handscope.app.report.units import (
+    TAPPING_DECIMALS,
+    directed,
+    directions_of,
+    reading,
+    unit_words,
+)
 from handscope.app.report.words import figure_words, grade_words, span_words
 from handscope.estimators.measures.figure import Figure
 from handscope.estimators.measures.tapping import Tapping
@@ -19,10 +25,6 @@ from handscope.estimators.measures.tapping import Tapping
 TRIALS = 4  # columns of a table
 CHART = (290.0, 150.0)  # pt
 BELOW = (516.0, 150.0)  # pt where the trials leave it no room beside the table
-CHANGES = {
-    "tapping_decrement_slope",
-    "tapping_decrement_ratio",
-}  # read as "smaller" or "larger", not as a sign
 
 
 def tapping_section(
@@ -87,7 +89,7 @@ def _remark(trial: Tapping, which: str, language: Language) -> str:
 
 
 def _unit(figure: Figure, language: Language) -> str:
-    return "" if figure.name in CHANGES else unit_words(reading(figure).unit, language)
+    return "" if directions_of(figure.name)[1] else unit_words(reading(figure).unit, language)
 
 
 def _cell(task: Task, name: str, language: Language) -> str:
@@ -97,13 +99,11 @@ def _cell(task: Task, name: str, language: Language) -> str:
     if not np.isfinite(read.value):
         return language.say("tapping.too_few" if task.result.details.count else "not_measured")
     number = language.number(abs(read.value), decimals)
-    if name not in CHANGES:
+    if not directions_of(name)[1]:
         shown = sd >= 0.5 * 10.0**-decimals  # a deviation below the last digit is left out
         return language.number(read.value, decimals) + (
             f" ± {language.number(sd, decimals)}" if shown else ""
         )
     if number == language.number(0.0, decimals):
         return language.say("tapping.same")
-    return language.say(
-        "tapping.smaller" if read.value < 0 else "tapping.larger", size=f"{number} {read.unit}"
-    )
+    return directed(name, read.value, f"{number} {read.unit}", language)

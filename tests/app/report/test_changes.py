@@ -121,6 +121,8 @@ def test_the_page_says_it_beside_every_figure() -> None:
     words = {f["name"]: f["words"] for f in tapping["figures"]}
     assert words["tapping_rate"] == "0.40 per s higher, within MDC"
     assert words["tapping_amplitude_mean"] == "unchanged"
+    judged = [f["judged"] for f in tapping["figures"]]
+    assert judged == sorted(judged, reverse=True) and len(set(judged)) == 2
     assert any("no MDC is published" in s for s in told["changes"]["sources"]["tapping"])
     assert not any(
         "no MDC is published" in s for s in told["changes"]["sources"]["range_of_motion"]
@@ -159,7 +161,7 @@ def test_changes_of_every_figure_of_three_trials_are_printed() -> None:
     assert pages(FORMS["pdf"](content, Style())) == 3
     text = text_of(content)
     assert re.search(r"Within it: all \d\d", text)
-    assert "Not judged: Taps" in text
+    assert re.search(r"Not judged: \d\d figures\.", text)  # each stands in the tables
 
 
 def test_the_tables_for_programs_say_it_in_numbers() -> None:

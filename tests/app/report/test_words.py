@@ -6,6 +6,7 @@ import pytest
 
 from handscope.app.language import ENGLISH
 from handscope.app.report.change_words import value_words
+from handscope.app.report.units import signed
 from handscope.app.report.words import (
     SIDES,
     both_ways,
@@ -78,7 +79,7 @@ def test_side_motion_names_both_directions(
         ("index_mcp_deviation_min", -12.0, "deg", "12°"),
         ("radial_abduction", -5.0, "deg", "5° smaller"),
         ("tapping_decrement_slope", -0.56, "mm", "0.56 mm smaller"),
-        ("pronation_supination_decrement_slope", 2.26, "deg", "2.26°"),
+        ("pronation_supination_decrement_slope", 2.26, "deg", "2.26° larger"),
     ],
 )
 def test_a_value_of_the_course_has_no_bare_sign(
@@ -103,3 +104,23 @@ def test_the_span_of_tasks_names_each_and_its_seconds() -> None:
     assert span_words(ranges[:4], ENGLISH).startswith(
         "Fist and stretch; Spread and close; Thumb across and away; Wrist"
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("tapping_fatigue50", -0.05, "0.05 s slower"),  # the first intervals less the last
+        ("open_close_fatigue10", 0.05, "0.05 s faster"),
+        ("tapping_interval_slope", -0.02, "0.02 s shorter"),
+        ("tapping_decrement_slope", 0.02, "0.02 s larger"),
+        ("reach_lean", -0.02, "0.02 s smaller"),
+        ("tapping_rate", 0.02, "0.02 s"),
+        ("tapping_fatigue50", -0.001, "0.00 s"),
+    ],
+)
+def test_a_sign_is_said_in_words(name: str, value: float, words: str) -> None:
+    assert signed(name, value, 2, "s", ENGLISH) == words
+
+
+def test_a_number_has_a_true_minus_sign() -> None:
+    assert ENGLISH.number(-3.25, 1) == "−3.2"

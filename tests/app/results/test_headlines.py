@@ -76,7 +76,7 @@ def test_a_fist_has_a_tile_for_each_long_fingers_total_motion() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "words"), [(-0.016, "1.6 % smaller"), (0.016, "1.6 %"), (-0.0004, "0.0 %")]
+    ("value", "words"), [(-0.016, "1.6 % smaller"), (0.016, "1.6 % larger"), (-0.0004, "0.0 %")]
 )
 def test_a_value_below_zero_is_said_in_words(value: float, words: str) -> None:
     ratio = Figure("tapping_decrement_ratio", value, "1", "x", what="tapping_decrement_ratio")

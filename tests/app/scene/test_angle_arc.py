@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from handscope.app.report.words import SIDES
 from handscope.app.scene.angle_arc import Measured, _lines
 from handscope.app.scene.drawn_line import directions
 from handscope.app.scene.hand_scene import HandScene
@@ -22,24 +23,36 @@ def bent(joint: str, angle: str, degrees: float) -> Array:
 
 @pytest.mark.parametrize("hand", HANDS)
 @pytest.mark.parametrize(
-    ("what", "degrees"),
+    ("what", "degrees", "words"),
     [
-        ("index_pip_flexion", 63.0),
-        ("thumb_ip_flexion", 40.0),
-        ("little_mcp_deviation", 25.0),
-        ("wrist_flexion", -50.0),
+        ("index_pip_flexion", 63.0, "63°"),
+        ("thumb_ip_flexion", 40.0, "40°"),
+        ("little_mcp_deviation", 25.0, "abd. 25°"),
+        ("wrist_flexion", -50.0, "ext. 50°"),
     ],
 )
-def test_the_arc_spans_the_angle(hand: Hand, what: str, degrees: float) -> None:
+def test_the_arc_spans_the_angle(hand: Hand, what: str, degrees: float, words: str) -> None:
     joint, _, name = what.rpartition("_")
     drawn = _lines(Measured(what), bent(joint, name, degrees), sized(hand))
     assert drawn is not None and drawn.rays is not None
     one, other = (ray[1] - ray[0] for ray in drawn.rays)
     spanned = np.degrees(np.arccos(one @ other / np.linalg.norm(one) / np.linalg.norm(other)))
     assert spanned == pytest.approx(abs(degrees), abs=0.1)
-    assert drawn.text == f"{degrees:.0f}°".replace("-", "−")
+    assert drawn.text == words
     flat = _lines(Measured(what), bent(joint, name, -0.2), sized(hand))
     assert flat is not None and flat.text == "0°"
+
+
+@pytest.mark.parametrize("joint", SIDES)
+def test_the_sides_at_the_arc_are_those_of_the_report(joint: str) -> None:
+    for sign, side in zip((-1.0, 1.0), SIDES[joint]):
+        drawn = _lines(
+            Measured(f"{joint}_deviation"), bent(joint, "deviation", 8.0 * sign), sized("right")
+        )
+        assert drawn is not None
+        short, degrees = drawn.text.split()
+        assert degrees == "8°"
+        assert short[:-1] in {part[:3] for part in side.split("_")}
 
 
 def test_a_tapping_task_draws_the_line_between_the_tips_and_a_turn_of_the_forearm_nothing() -> None:

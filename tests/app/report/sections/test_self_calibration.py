@@ -48,7 +48,7 @@ def test_lengths_places_and_biases_are_told_with_their_standard_deviations() -> 
     assert ["index proximal", "43.00 ± 0.20", "found by the movement"] in said["lengths"]
     assert ["index middle", "23.7", "from the hand’s measures"] in said["lengths"]
     assert said["seats"] == [
-        ["index proximal", "20.40 ± 0.25", "3.10 ± 0.40", "-0.8 ± 1.1", "11.46 ± 0.50"]
+        ["index proximal", "20.40 ± 0.25", "3.10 ± 0.40", "−0.8 ± 1.1", "11.46 ± 0.50"]
     ]
     (bias,) = said["biases"]
     assert (bias[0], bias[2]) == ("index proximal", "0.050 ± 0.003")
