@@ -14,8 +14,9 @@ BELOW = 0.22  # scene units that the ground lies below the lowest point of a mov
 HIGHEST, LOWEST = -0.5, -2.0  # scene units below the wrist
 # scene units of the contact shadow over the ground: below its lines, which it would hide
 OVER = -0.01
+SHADOW = "/contact_shadow"
 LENGTH, BREADTH = 2.5, 1.7  # scene units of the contact shadow
-DARKEST = 85  # of 255, below the palm
+DARKEST = 170  # of 255, below the palm, in the dark theme
 PIXELS = (96, 64)
 
 
@@ -38,7 +39,7 @@ class Ground:
             position=(0.0, 0.0, self._height),
         )
         self._shadow = server.scene.add_image(
-            "/contact_shadow",
+            SHADOW,
             _soft_spot(),
             BREADTH,
             LENGTH,
@@ -62,11 +63,10 @@ class Ground:
 
 
 def _soft_spot() -> NDArray[np.uint8]:
-    """An image (rows, columns, 4) of a dark spot that fades towards its rim."""
+    """An image (rows, columns, 4) of a black spot that fades towards its rim."""
     y, x = np.meshgrid(*(np.linspace(-1, 1, n) for n in PIXELS), indexing="ij")
     share = np.clip(1.0 - np.hypot(x, y), 0.0, 1.0)
     spot = np.zeros((*PIXELS, 4), np.uint8)
-    spot[..., :3] = palette.INK
     spot[..., 3] = np.rint(DARKEST * share**2 * (3 - 2 * share))
     return spot
 

@@ -1,4 +1,4 @@
-"""viser's page as a browser gets it: its own controls hidden, and the security policy that it is served with.
+"""viser's page as a browser gets it: its own controls hidden, the pages' theme, and the security policy that it is served with.
 
 The page's first script unpacks the viewer's program and puts it into the page as a second script. The policy names scripts by a nonce, a new
 one with each answer; ours, which stands before viser's, gives it to the first script element that is made. So what viser packs and how is its
@@ -13,10 +13,12 @@ from pathlib import Path
 
 import viser
 
-from handscope.app.scene import stage
+from handscope.app.scene import ground, palette, stage
+from handscope.app.scene.palette import Colour
 
 _HEAD = """<title>Hand</title><style>
 html, body { margin: 0; height: 100%; background: radial-gradient(ellipse at 50% 42%, #f7f8f9 0%, #e9edf0 62%, #dde2e7 100%); }
+.dark body { background: radial-gradient(ellipse at 50% 42%, #2b3641 0%, #1b242d 62%, #131a21 100%); }
 #root div:has(> div > [data-dock-root]), #root [data-dock-root] { background: transparent !important; }
 .mantine-Paper-root, .mantine-Notifications-root, [data-portal] { display: none !important; }
 </style><script>
@@ -31,6 +33,49 @@ html, body { margin: 0; height: 100%; background: radial-gradient(ellipse at 50%
     return element;
   };
 }
+{ // the theme that was chosen on the pages (static/theme.js), or the device's, also when it changes while the scene is open
+  const device = matchMedia("(prefers-color-scheme: dark)"), others = new Map();
+  let dark;
+  const follow = () => {
+    const kept = location.protocol === "about:" ? "light" : localStorage.getItem("handscope-theme"); // a replay in a file is light
+    dark = kept === "dark" || (kept !== "light" && device.matches);
+    document.documentElement.classList.toggle("dark", dark);
+    others.forEach(change => change());
+  };
+  device.addEventListener("change", follow);
+  addEventListener("storage", follow);
+  follow();
+  window.followTheme = thing => {
+    const { intensity, material } = thing;
+    if (thing.isLight && !others.has(thing)) others.set(thing, () => thing.intensity = intensity * (dark ? @DIMMED@ : 1));
+    if (thing.isMesh) others.set(thing, () => material.opacity = dark ? 1 : @SHADOW@);
+    others.get(thing)?.();
+  };
+  // viser's shaders know black numbers on white alone, and one colour of the ground
+  const { attachShader, shaderSource, useProgram } = WebGL2RenderingContext.prototype, themed = new WeakSet(), places = new WeakMap();
+  const DARK = [
+    ["vec4(1.0, 1.0, 1.0, 0.85 * vAlpha)", "vec4(mix(vec3(1.0), vec3(@LABEL@), dark), 0.85 * vAlpha)"],
+    ["vec4(0.0, 0.0, 0.0, a)", "vec4(vec3(@LABEL_INK@) * dark, a)"],
+    ["vec4(gridColor, 1.0)", "vec4(mix(gridColor, vec3(@DARK_GROUND@), dark), 1.0)"],
+  ];
+  Object.assign(WebGL2RenderingContext.prototype, {
+    shaderSource(shader, text) {
+      const found = DARK.find(([light]) => text.includes(light));
+      if (found) themed.add(shader);
+      shaderSource.call(this, shader, found ? text.replace(...found).replace("void main()", "uniform float dark; void main()") : text);
+    },
+    attachShader(program, shader) {
+      if (themed.has(shader)) places.set(program, null);
+      attachShader.call(this, program, shader);
+    },
+    useProgram(program) {
+      useProgram.call(this, program);
+      if (!places.has(program)) return;
+      if (!places.get(program)) places.set(program, this.getUniformLocation(program, "dark"));
+      this.uniform1f(places.get(program), Number(dark));
+    },
+  });
+}
 { // viser 1.1.1 leaves null for a node that is gone, looks for undefined, and falls over with every skinned mesh when it connects again
   let mutable;
   // and its unused splat sorter asks for eval, which the policy refuses
@@ -44,6 +89,7 @@ html, body { margin: 0; height: 100%; background: radial-gradient(ellipse at 50%
       set(nodes, name, node) {
         nodes[name] = node;
         if (node && !Object.hasOwn(node, "add")) setBonesApart(node);
+        if (name.startsWith("/light/") || name === "@CONTACT_SHADOW@") node?.traverse(followTheme);
         if (name === "@KEY_LIGHT@") node?.children.filter(child => child.isDirectionalLight).forEach(castShadow);
         return true;
       },
@@ -75,7 +121,7 @@ html, body { margin: 0; height: 100%; background: radial-gradient(ellipse at 50%
     shadow.camera.updateProjectionMatrix();
   };
 }
-</script>""".replace("@KEY_LIGHT@", stage.KEY_LIGHT).replace("@REACH@", str(stage.REACH))
+</script>"""
 
 
 @dataclass(frozen=True)
@@ -93,7 +139,28 @@ def scene_page(host: str) -> ScenePage:
     return ScenePage(page.encode(), _policy(host, nonce))
 
 
+def _encoded(colour: Colour) -> str:
+    """As a shader writes it."""
+    return ", ".join(f"{c / 255:.3f}" for c in colour)
+
+
+def _linear(colour: Colour) -> str:
+    """As a shader has it before light is encoded."""
+    return ", ".join(f"{(c / 255) ** 2.2:.4f}" for c in colour)
+
+
 _TAG = re.compile(r"<script(?=[\s>])")
+_NAME = re.compile(r"@(\w+)@")
+_VALUES = {
+    "KEY_LIGHT": stage.KEY_LIGHT,
+    "REACH": str(stage.REACH),
+    "DIMMED": str(palette.DIMMED),
+    "CONTACT_SHADOW": ground.SHADOW,
+    "SHADOW": str(palette.SHADOW),
+    "LABEL": _encoded(palette.LABEL),
+    "LABEL_INK": _encoded(palette.LABEL_INK),
+    "DARK_GROUND": _linear(palette.DARK_GROUND),
+}
 
 
 @cache
@@ -106,7 +173,7 @@ def without_controls(page: str) -> str:
     """viser's page with its own controls and messages hidden; our script comes before viser's."""
     head, title, rest = re.split(r"(<title>.*?</title>)", page, maxsplit=1)
     assert title and "<script" not in head
-    return head + _HEAD + rest
+    return head + _NAME.sub(lambda name: _VALUES[name[1]], _HEAD) + rest
 
 
 def _policy(host: str, nonce: str) -> str:
