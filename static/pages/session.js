@@ -14,6 +14,7 @@ import * as goals from "../session/goals.js";
 import * as headlines from "../session/headlines.js";
 import * as measures from "../session/measures.js";
 import * as notes from "../session/notes.js";
+import { foldOnPhone } from "../session/phone_folds.js";
 import * as progress from "../session/progress.js";
 import * as quality from "../session/quality.js";
 import * as ranges from "../session/ranges.js";
@@ -116,15 +117,13 @@ function draw(root, api, about) {
     h(
       "div",
       { class: "beside results" },
-      h(
-        "div",
-        { class: "stack" },
-        main.map(([, place]) => place),
-      ),
+      h("div", { class: "stack" }, main.map(([, place]) => place)), // prettier-ignore
       h("div", { class: "stack" }, ...aside.map(([, place]) => place)),
     ),
   );
-  return assemble(api, about, [...head, ...choice, ...main, ...aside]);
+  const leave = assemble(api, about, [...head, ...choice, ...main, ...aside]);
+  if (done) foldOnPhone([...numbers.slice(2), ...tasks, ...kept, ...aside].map(([, place]) => place)); // trust and headlines stay
+  return leave;
 }
 
 function trail(session) {

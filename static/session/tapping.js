@@ -124,5 +124,5 @@ function valueOf(figure, trial) {
   }
   const sure = figure.sd >= 0.5 * 10 ** -digits ? ` ± ${decimal(figure.sd, digits)}` : ""; // a deviation below the last digit is left out
   if (figure.unit === "deg") return `${size}${sure}°`;
-  return `${size}${sure} ${figure.unit === "Hz" ? t("unit.per_second") : figure.unit}`.trim();
+  return `${size}${sure} ${figure.unit === "Hz" ? t("unit.per_s") : figure.unit}`.trim();
 }

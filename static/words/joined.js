@@ -7,7 +7,7 @@ export const several = (parts) => parts.join(t("between"));
 /** "Index finger: moves along". */
 export const labelled = (what, words) => t("labelled", { what, words });
 
-const UNITS = ["mm/s", "mm", "cm", "%", "s", "min", "N", t("unit.per_second"), t("unit.per_s"), "°/s", "°"];
+const UNITS = ["mm/s", "mm", "cm", "%", "s", "min", "N", t("unit.per_s"), "°/s", "°"];
 const NUMBERED = new RegExp(`(\\d) (${UNITS.join("|")})(?![\\p{L}\\d])`, "gu");
 const APART = String.fromCharCode(0xa0);
 

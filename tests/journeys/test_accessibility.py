@@ -171,6 +171,25 @@ def test_session_page(page: Page, server: Server, processed: int) -> None:
     keep_picture(page, "session-uploaded")
 
 
+def test_on_a_phone_results_are_what_is_at_one_glance_and_the_rest_is_folded(
+    page: Page, server: Server, processed: int
+) -> None:
+    page.set_viewport_size(dict(zip(("width", "height"), PHONE)))
+    page.goto(f"{server.base}/sessions/{processed}")
+    for name in ("Can I trust these numbers?", "At a glance"):
+        shown(page.get_by_role("heading", name=name))
+    folds = page.locator("details.fold")
+    assert folds.count() > 4
+    assert page.locator("details.fold[open]").count() == 0
+    assert page.locator(".trust, .tile").first.is_visible()
+    page.add_script_tag(path=AXE)
+    assert page.evaluate(RUN, RULES)["found"] == []
+    folded = page.evaluate("document.documentElement.scrollHeight")
+    page.evaluate("document.querySelectorAll('details.fold').forEach((fold) => (fold.open = true))")
+    assert folded < 0.6 * page.evaluate("document.documentElement.scrollHeight")
+    assert page.evaluate(SPILLED) == []
+
+
 def test_station_and_replay(page: Page, server: Server, processed: int) -> None:
     result = api(page, f"/api/sessions/{processed}")["recordings"][0]["results"][0]["id"]
     replay = api(page, f"/api/results/{result}/replay", "POST")["station"]

@@ -47,6 +47,7 @@ NOT_MOUNTED = {
     "patient_view.js",
     "joint_rows.js",
     "saving.js",
+    "phone_folds.js",
 }  # values that parts share
 SVG = "http://www.w3.org/2000/svg"  # the name of its namespace; nothing is loaded from there
 COLOUR = re.compile(r"#[0-9a-fA-F]{3,8}\b|\b(?:rgba?|hsla?|oklch)\(")
