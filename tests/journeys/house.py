@@ -127,6 +127,12 @@ def sent_late(page: Page, address: str) -> Iterator[None]:
     page.unroute(address)
 
 
+def end_trial(page: Page) -> None:
+    """End the trial that runs; on a busy machine it may have come to its end meanwhile."""
+    with suppress(TimeoutError):
+        act(page, "stop").click(timeout=QUESTION)
+
+
 def end_session(page: Page) -> None:
     """End it early, from any step; where the step changes meanwhile the question goes with it, and is asked for again."""
     opener = page.locator('[data-act="finish"], .ending > button').filter(visible=True)

@@ -12,6 +12,7 @@ from tests.journeys.house import (
     api,
     begin_session,
     end_session,
+    end_trial,
     keep_screen,
     new_patient,
     shots,
@@ -140,9 +141,9 @@ def _measure_fist(page: Page) -> None:
         shown(act(page, step)).click()
     shown(page.locator('[data-task="rom_fist"]')).click()
     shown(act(page, "start")).click()
-    shown(page.get_by_text("Seconds left"))
-    for step in ("stop", "accept"):
-        shown(act(page, step)).click()
+    shown(page.get_by_text("Seconds left").or_(act(page, "accept")))
+    end_trial(page)
+    shown(act(page, "accept")).click()
     shown(page.locator("[data-other-hand], [data-act=finish]"))
 
 

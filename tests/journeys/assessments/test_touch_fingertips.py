@@ -9,6 +9,7 @@ from tests.journeys.house import (
     Server,
     act,
     begin_session,
+    end_trial,
     keep_picture,
     new_patient,
     shown,
@@ -56,8 +57,8 @@ def test_contacts_of_one_session_are_told_as_used(page_without_scene: Page, serv
         shown(page.get_by_text(first, exact=True))
         keep_picture(page, f"{picture}-running")
         if enough:  # what was held until then is used
-            shown(page.get_by_text(enough, exact=True))
-            act(page, "stop").click()
+            shown(page.get_by_text(enough, exact=True).or_(act(page, "accept")))
+            end_trial(page)
         shown(act(page, "accept")).click()
         told = page.get_by_text(
             re.compile(f"Contacts of fingertips were used to calibrate: .*{used}")
