@@ -20,12 +20,17 @@ def _ready() -> None:
     from handscope.app.report import html, pdf
     from handscope.app.results import make as results_make
     from handscope.app.results import report as results_report
+    from handscope.app.scene.mesh.hand_mesh import hand_mesh
+    from handscope.estimators.hand.anatomy import HANDS
+    from handscope.estimators.hand.geometry import sized
     from handscope.estimators.methods import ALL_METHODS
     from handscope.estimators.numerics.jit import load_kernels
 
     assert results_report and results_make and html and pdf and stored
     assert all(method.TITLE for method in ALL_METHODS.values())
     load_kernels()
+    for hand in HANDS:
+        hand_mesh(sized(hand))  # of average size: the scene's process would take half a second
     gc.freeze()  # pages that are never written are never copied
 
 
