@@ -55,10 +55,10 @@ def none_detected(samples: int) -> ImpactDetection:
 
 
 def detect_outliers(
-    before: ImpactDetection, off: Array, limit: float, dt: float
+    before: ImpactDetection, off: Array, limit: float, dt: float, free: Bools
 ) -> ImpactDetection:
-    """Add the outliers among residuals off (n, S), in standard deviations: those beyond `limit` times the median of their sensor."""
-    doubt = np.maximum(off / (np.median(off, axis=0) / MEDIAN_OF_THREE + 1e-300) / limit, 1.0)
+    """Add the outliers among residuals off (n, S), in standard deviations: those beyond `limit` times what is usual where movement is `free` (n,)."""
+    doubt = np.maximum(off / (usual_deviations(off, free) + 1e-300) / limit, 1.0)
     strange = np.asarray((doubt > 1).any(axis=1) & (limit * doubt >= GROSS).any(axis=1))
     hit = np.zeros(len(off), bool)
     for first, stop in find_runs(strange, BESIDE):
@@ -69,6 +69,11 @@ def detect_outliers(
     return ImpactDetection(
         before.in_impact | hit, before.suspect | beside, beside & ~before.suspect, doubt
     )
+
+
+def usual_deviations(off: Array, free: Bools) -> Array:
+    """The usual size (S,) of residuals off (n, S): skin and a coarse rate err with movement, and a hand that holds contacts still is no measure of them."""
+    return np.asarray(np.median(off[free], axis=0) / MEDIAN_OF_THREE)
 
 
 def turn_noise_factors(
@@ -85,10 +90,10 @@ def turn_noise_factors(
 
 
 def list_outliers(
-    detection: ImpactDetection, base: Problem, at: Unknowns, off: Array
+    detection: ImpactDetection, base: Problem, at: Unknowns, off: Array, free: Bools
 ) -> tuple[Outlier, ...]:
-    """Outliers by sensor, at the minimum; `off` (n, S) as of `detect_outliers`, with errors of accelerations as without impacts."""
-    usual = np.median(off, axis=0) / MEDIAN_OF_THREE
+    """Outliers by sensor, at the minimum; `off` (n, S) and `free` (n,) as of `detect_outliers`, with errors of accelerations as without impacts."""
+    usual = usual_deviations(off, free)
     outliers = []
     for first, stop in find_runs(detection.suspect):
         turned = _turn_residuals(base, at, first, stop)

@@ -7,11 +7,12 @@ Source  streams with clocks of their own are brought to the hand's samples by cu
 Limits  sensors' noise is taken to be white, of the same density at every rate: a mean over faster samples is as noisy as one sample at the mean's rate
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from handscope.estimators.data.events import Event
 from handscope.estimators.data.samples import ACC, GYR, SATURATION, Block, every, exceeds
 from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.orientation.resampling import fit_times
@@ -25,6 +26,7 @@ LONGEST_GAP = 0.06
 MARGIN = 0.5  # s beside a stretch from which samples are taken
 LINED = 100  # samples by which an even clock is recognised
 FAST = 0.99  # share of the power of angular rates
+AT_REST = np.radians(8.0)  # rad/s, mean of a limb's sensors
 EXCITATION_PERIOD = 1.0  # s over which movement is summed up
 
 
@@ -62,6 +64,15 @@ def prepare_readings(
     return t, Readings(
         each * period, v[..., :3], v[..., 3:], noisier * d[..., 0], noisier * d[..., 1]
     )
+
+
+def is_free(events: Iterable[Event], t: Array, gyr: Array) -> Bools:
+    """At which instants t (n,) s of rates gyr (n, S, 3) the limb moves freely: all, but where contacts are held for calibration those only that turn and are not held."""
+    held = [e for e in events if e.trial_type == "contact"]
+    free = np.linalg.norm(gyr, axis=2).mean(axis=1) > AT_REST
+    for event in held:
+        free &= (t < event.onset) | (t > event.end)
+    return free if held and free.any() else np.ones(len(t), bool)
 
 
 def fastest_turning(read: Readings) -> float:

@@ -11,7 +11,7 @@ from typing import Generic, Literal, TypeVar
 
 import numpy as np
 
-from handscope.estimators.numerics.typing import Array
+from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.self_calibration import (
     multi_resolution,
     normal_equations,
@@ -222,18 +222,21 @@ def solve_with_noise(
     start: Unknowns,
     limits: Limits = Limits(),
     go_on: Callable[[int, float], bool] = lambda k, cost: True,
+    free: Bools | None = None,
 ) -> Solution:
     """Solve in rounds: after each the sizes of errors are estimated anew, and outliers get less weight.
 
-    In the first round skin follows in proportion: impacts that are not detected yet would bias its non-linearity.
+    `free` (n,): samples of free movement, all where not given. In the first round skin follows in proportion: impacts that are not detected yet would bias its non-linearity.
     """
     rough = replace(limits, least_gain=limits.rough_gain)
     base = problem
+    free = np.ones(len(base), bool) if free is None else free
     strange = outliers.detect_outliers(
         outliers.none_detected(len(base)),
         posterior.acceleration_deviations(base, start),
         outliers.GROSS,
         base.dt,
+        free,
     )
     lawful = replace(base.noise, skin_law=posterior.LEAST_LAW)
     initial = replace(
@@ -259,6 +262,7 @@ def solve_with_noise(
             posterior.acceleration_deviations(solution.problem, solution.at),
             limits.knock,
             base.dt,
+            free,
         )
         turns = base.turn_sd * outliers.turn_noise_factors(strange, base, solution.at, limits.knock)
         less = with_noise(solution.problem, solution.problem.noise, strange.doubt)
@@ -286,7 +290,7 @@ def solve_with_noise(
             solution.problem, solution.at, solution.factor, spurious
         ),
         spurious_information=spurious,
-        outliers=outliers.list_outliers(strange, base, solution.at, off),
+        outliers=outliers.list_outliers(strange, base, solution.at, off, free),
     )
 
 
