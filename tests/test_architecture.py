@@ -17,9 +17,10 @@ ROOMS = (
 )  # each may import those behind it
 NUMERICS = {"numba", "numpy", "scipy", "filterpy", "vqf"}
 MACHINE = {
+    "native_libraries": {"ctypes", "threadpoolctl", "threadpoolctl.threadpool_limits"},
     "optional_imports": {"importlib", "sys"},
     "translation.translation_lock": {"os", "pathlib", "pathlib.Path", "threading"},
-}  # of the estimators' numerics, what looks after numba
+}  # of the estimators' numerics, what looks after numba and its neighbours
 IMPURE = {
     *("time", "datetime", "calendar", "sched"),  # a clock
     *(

@@ -40,6 +40,10 @@ from handscope.estimators.methods.map_result import (
     with_solution,
 )
 from handscope.estimators.numerics import parallel
+from handscope.estimators.numerics.native_libraries import (
+    large_arrays_given_back,
+    single_threaded_blas,
+)
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.contacts import contact_messages
 from handscope.estimators.pipeline.method import Capabilities
@@ -83,6 +87,8 @@ LEAST_SAMPLES = 1000  # that are kept of a stretch of as many
 SHARE = 0.6  # of the time, for which fingers are solved one by one
 
 
+@large_arrays_given_back()
+@single_threaded_blas()
 def solve(
     params: Params, recording: Recording, progress: Callable[[float], None] = lambda share: None
 ) -> tuple[Trajectory, list[Calibration], list[str]]:

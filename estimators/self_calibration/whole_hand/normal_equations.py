@@ -84,6 +84,12 @@ def _limb_equations(problem: HandProblem, at: HandPlace, k: int) -> tuple[Normal
     return normal, normal_equations.add_everything(normal, terms_of(problem, at, k), priors)
 
 
+def without_band(normal: HandNormal) -> HandNormal:
+    """What steps, pulls and draws need beside the factor."""
+    none = np.empty((0, normal_equations.SPAN, 0, 0))
+    return replace(normal, limbs=tuple(replace(limb, A=none) for limb in normal.limbs))
+
+
 def with_gradient(normal: HandNormal, problem: HandProblem, at: HandPlace) -> HandNormal:
     """The same equations with the gradient, and the cost, of another place."""
     (off, skin_sd), sd = hand_tissue_priors(problem, at), normal.error_sd
@@ -314,7 +320,7 @@ def factorise(normal: HandNormal, damping: float = 0.0) -> HandFactor:
             ]  # before the first is nothing: there `last` is zero
             each(partial(_whiten, border, last, before, L[k : k + len(D)]), halves)
             each(partial(_multiply, border.reshape(-1, P), known), products)
-            last = border[-1]
+            last = border[-1].copy()  # the border itself is free
     known = np.triu(known) + np.triu(known, 1).T
     C = normal.C.copy()
     C[np.diag_indices_from(C)] *= 1 + damping

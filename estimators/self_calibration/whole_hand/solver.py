@@ -35,6 +35,7 @@ from handscope.estimators.self_calibration.whole_hand.problem import HandPlace, 
 
 NEAR = 0.05  # decrease of the cost for each parameter: a third of a standard deviation of each
 UNDAMPED = 1e-8
+DRAWN = 8  # draws at once
 
 
 @dataclass(frozen=True)
@@ -75,8 +76,9 @@ def solve(
         normal, raw = last[0].normal, last[0].factor
     else:
         last.clear()
-        normal = hand_equations.build_normal_equations(result.problem, result.at)
-        raw = hand_equations.factorise(normal)
+        whole = hand_equations.build_normal_equations(result.problem, result.at)
+        normal, raw = hand_equations.without_band(whole), hand_equations.factorise(whole)
+        del whole
     pulls = sandwich_covariance.hand_pulls(result.problem, result.at, normal, raw)
     factor = replace(
         raw,
@@ -149,22 +151,26 @@ def _linearise(
     last: list[_Factored], problem: HandProblem, at: HandPlace
 ) -> Linearised[HandProblem, HandPlace]:
     last.clear()  # frees the old factor before a new one is made
-    normal = hand_equations.build_normal_equations(problem, at)
+    whole = [hand_equations.build_normal_equations(problem, at)]  # until it is factored
 
     def damped(damping: float) -> HandPlace:
-        factor = hand_equations.factorise(normal, damping)
+        if not whole:  # the step before was refused
+            last.clear()
+            whole.append(hand_equations.build_normal_equations(problem, at))
+        factor = hand_equations.factorise(whole[0], damping)
+        normal = hand_equations.without_band(whole.pop())
         last[:] = [_Factored(normal.cost, damping, normal, factor)]
         step = hand_equations.solve_step(normal, factor)
         return whole_hand_problem.apply_hand_increment(at, problem, step.turns, step.parameters)
 
     def chord(other: HandProblem, there: HandPlace) -> tuple[float, HandPlace]:
-        gradient = hand_equations.with_gradient(normal, other, there)
+        gradient = hand_equations.with_gradient(last[0].normal, other, there)
         step = hand_equations.solve_step(gradient, last[0].factor)
         return gradient.cost, whole_hand_problem.apply_hand_increment(
             there, other, step.turns, step.parameters
         )
 
-    return Linearised(normal.cost, damped, chord)
+    return Linearised(whole[0].cost, damped, chord)
 
 
 def split_limbs(solution: HandSolution) -> list[Solution]:
@@ -204,16 +210,18 @@ def worst_joints(solution: HandSolution) -> list[tuple[int, float]]:
 def draw_places(solution: HandSolution, count: int) -> Iterator[tuple[Unknowns, ...]]:
     """Draws from the posterior: unknowns of all limbs."""
     n, each, P = len(solution.problem), solution.factor.layout.each, solution.factor.layout.count
-    numbers = np.stack([posterior.normal_numbers(n * each + P, k) for k in range(count)])
-    for step in hand_equations.draw_steps(
-        solution.normal,
-        solution.factor,
-        numbers[:, : n * each].reshape(-1, n, each),
-        numbers[:, n * each :],
-    ):
-        yield whole_hand_problem.remove_hand_tissue(
-            solution.problem,
-            whole_hand_problem.apply_hand_increment(
-                solution.at, solution.problem, step.turns, step.parameters
-            ),
-        )
+    for first in range(0, count, DRAWN):
+        which = range(first, min(first + DRAWN, count))
+        numbers = np.stack([posterior.normal_numbers(n * each + P, k) for k in which])
+        for step in hand_equations.draw_steps(
+            solution.normal,
+            solution.factor,
+            numbers[:, : n * each].reshape(-1, n, each),
+            numbers[:, n * each :],
+        ):
+            yield whole_hand_problem.remove_hand_tissue(
+                solution.problem,
+                whole_hand_problem.apply_hand_increment(
+                    solution.at, solution.problem, step.turns, step.parameters
+                ),
+            )
