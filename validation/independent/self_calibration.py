@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -18,6 +18,7 @@ from handscope.estimators.methods import map as method
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
 from handscope.sessions.formats import recordings as formats_recordings
+from handscope.validation.independent.simulator import contacts
 from handscope.validation.independent.simulator.free_movement import (
     CHAINS,
     DEG,
@@ -30,6 +31,14 @@ from handscope.validation.reproduce.finding import Finding, Row, Table, Verdict,
 
 MOST = 3  # people of a condition
 HAND = "whole right hand"
+PEOPLE_TOUCHING = 6
+# m between what is said to touch, of whole left hands that hold contacts before they move
+TOUCHING: Mapping[str, float | None] = {
+    "slow left hand": None,
+    "slow left hand, contacts held before": 0.0,
+    "slow left hand, contacts that did not happen": 0.04,
+}
+MOVED = 25.0  # s, of them
 DURATION = 20.0  # s, of one finger where a condition does not say else
 CONDITIONS: Mapping[str, Mapping[str, Any]] = {
     "100 Hz": {},
@@ -47,8 +56,12 @@ CONDITIONS: Mapping[str, Mapping[str, Any]] = {
     "skin that lags": {"law": "lagging"},
     "stamps scattered by 2 ms": {"scatter": 0.002},
     HAND: {"hand": "right", "fingers": FINGERS, "duration": 40.0},
+    **{
+        name: {"fingers": FINGERS, "forearm": True, "pace": 0.6, "missed": 2.5 * DEG}
+        for name in TOUCHING
+    },
 }
-PEOPLE = dict.fromkeys(CONDITIONS, MOST) | {HAND: 1}
+PEOPLE = dict.fromkeys(CONDITIONS, MOST) | {HAND: 1} | dict.fromkeys(TOUCHING, PEOPLE_TOUCHING)
 OTHER_LAW = ("skin that levels off", "skin that lags")  # what self-calibration does not assume
 WHAT = {  # unit, and how many of them in one of SI
     "lengths": ("mm", 1e3),
@@ -95,11 +108,17 @@ def trials(wanted: Wanted) -> Sequence[Trial]:
 
 def measure(trial: Trial) -> Found:
     """One recording, written, read and calibrated as `handscope process --method map` does it."""
+    setup = Setup(trial.seed, **{"duration": DURATION, **CONDITIONS[trial.condition]})
+    since = 0.0  # s, from when angles and tips are judged
     with TemporaryDirectory() as folder:
-        true = written(
-            Setup(trial.seed, **{"duration": DURATION, **CONDITIONS[trial.condition]}),
-            Path(folder) / "recording",
-        )
+        if trial.condition in TOUCHING:
+            separation = TOUCHING[trial.condition]
+            kinds = () if separation is None else tuple(contacts.HOLDS)
+            movement, held, since = contacts.with_contacts(setup, kinds, separation or 0.0)
+            setup = replace(setup, duration=since + MOVED)
+            true = written(setup, Path(folder) / "recording", movement, held)
+        else:
+            true = written(setup, Path(folder) / "recording")
         recording = formats_recordings.load(Path(folder) / "recording")
     began = time.process_time()
     try:
@@ -110,7 +129,7 @@ def measure(trial: Trial) -> Found:
     pairs: dict[str, list[tuple[Array, Array]]] = {}
     for what, error, sd in (
         *_alignment_errors(found.calibrations[0], true),
-        *_trajectory_errors(found.trajectory, true),
+        *_trajectory_errors(found.trajectory, true, since),
     ):
         pairs.setdefault(what, []).append((error, sd))
     joined = {
@@ -159,21 +178,25 @@ def _alignment_errors(calibration: Calibration, true: Truth) -> Iterator[tuple[s
         yield "accelerometers' biases", calibration.acc_bias[s] - true.sensors.acc_bias[s], sds
 
 
-def _trajectory_errors(found: Trajectory, true: Truth) -> Iterator[tuple[str, Array, Array]]:
+def _trajectory_errors(
+    found: Trajectory, true: Truth, since: float
+) -> Iterator[tuple[str, Array, Array]]:
     """Errors and standard deviations of angles and tips, at the method's instants."""
     assert found.angles_sd is not None and found.tips_sd is not None
+    rows = found.t >= since
+    t = found.t[rows]
     for joint, angles in true.angles.items():
         for axis in np.flatnonzero(IS_DOF[JOINT[joint]]):
-            right = np.interp(found.t, true.t, angles[:, axis])
+            right = np.interp(t, true.t, angles[:, axis])
             yield (
                 "angles",
-                found.angles[:, JOINT[joint], axis] - right,
-                found.angles_sd[:, JOINT[joint], axis],
+                found.angles[rows, JOINT[joint], axis] - right,
+                found.angles_sd[rows, JOINT[joint], axis],
             )
     for finger, tip in true.tips.items():
         k = FINGERS.index(finger)
-        right = np.stack([np.interp(found.t, true.t, x) for x in tip.T], axis=1)
-        yield "tips", found.tips[:, k] - right, found.tips_sd[:, k]
+        right = np.stack([np.interp(t, true.t, x) for x in tip.T], axis=1)
+        yield "tips", found.tips[rows, k] - right, found.tips_sd[rows, k]
 
 
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Found]]) -> Finding:
@@ -282,6 +305,8 @@ def _setting() -> tuple[str, ...]:
         f" lengths, places and movement of his own, the same in every row; index finger and hand for {DURATION:g} s at 100 Hz where the row does not say else. Sensors sit misaligned by 5 deg about each axis,"
         " skin turns them by 2 deg and slides them by 1 mm in 90 deg of their joint, the hand's sensor with the fingers; biases 0.8 deg/s and 0.12 m/s^2, noise 0.007 deg/s and 150 ug a square"
         " root of a Hz, scales and axes off by 0.3 %. The palm's length and where fingers hang on it are told exactly, no finger's length is.",
+        f"Slow left hands have a forearm's sensor, lie flat at first, and move for {MOVED:g} s at up to 0.6 Hz; angles and tips are judged then. Before it fingertips are held on the thumb, a table and the"
+        " palm, pads 3 mm beside each other (each axis), creases 4 mm beside where they are believed, a table tilted by 0.8 deg; where contacts did not happen, 4 cm from there, or up to that above the table.",
         "`Seats told` are the sensors' that movement tells wholly; those of the hand, the forearm and the last phalanges lean on the nominal mounting. Skin that follows the bending's square:"
         " 0.6 of the angle and 0.6 of its square over 90 deg; that levels off: the angle's sine; that lags: 9 deg of bending behind, either way. Self-calibration takes skin to follow in proportion, and the square by as much as it finds.",
     )

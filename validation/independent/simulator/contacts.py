@@ -45,11 +45,16 @@ class _Hold:
     angles: Mapping[str, Array]  # (3, 3) rad, by finger
 
 
-def with_contacts(setup: Setup, kinds: Sequence[str]) -> tuple[Movement, tuple[Held, ...], float]:
-    """The set-up's movement with contacts between pose and free movement, what was held, and when the free movement begins (s)."""
+def with_contacts(
+    setup: Setup, kinds: Sequence[str], separation: float = 0.0
+) -> tuple[Movement, tuple[Held, ...], float]:
+    """The set-up's movement with contacts between pose and free movement, what was held, and when the free movement begins (s).
+
+    With `separation` (m) nothing touches: pads stay so far from each other and from the palm, and up to it above the table.
+    """
     assert setup.missed is not None
     body, rng = _body(setup), _rng(setup, 9)
-    holds = [hold for kind in kinds for hold in HOLDS[kind](setup, body, rng)]
+    holds = [hold for kind in kinds for hold in HOLDS[kind](setup, body, rng, separation)]
     shift = len(holds) * (MOVING + HOLDING) + MOVING
     plain = after_pose(setup, setup.missed, free(setup))
     times = [BEGUN - 2.0 + MOVING + k * (MOVING + HOLDING) for k in range(len(holds))]
@@ -86,20 +91,20 @@ def _smooth(x: Array) -> Array:
     return np.asarray(x**4 * (35 - 84 * x + 70 * x**2 - 20 * x**3))
 
 
-def _pinches(setup: Setup, body: Body, rng: np.random.Generator) -> list[_Hold]:
+def _pinches(setup: Setup, body: Body, rng: np.random.Generator, separation: float) -> list[_Hold]:
     thick, found = _thick(rng), []
     for finger in ("index", "middle", "ring", "little"):
         beside = BESIDE * rng.normal(size=3)
 
         def missed(pads: Mapping[str, Array], f: str = finger, off: Array = beside) -> Array:
-            return pads["thumb"] - pads[f] - off
+            return _missed(pads["thumb"] - pads[f] - off, separation)
 
         angles = _solve_angles(setup, body, thick, "pinch", ("thumb", finger), missed)
         found.append(_Hold(f"thumb_bottom-{finger}_bottom", angles))
     return found
 
 
-def _table(setup: Setup, body: Body, rng: np.random.Generator) -> list[_Hold]:
+def _table(setup: Setup, body: Body, rng: np.random.Generator, separation: float) -> list[_Hold]:
     """Pads on one plane below the hand."""
     assert setup.missed is not None
     thick, tilt = _thick(rng), TILT * rng.normal(size=2)
@@ -107,17 +112,18 @@ def _table(setup: Setup, body: Body, rng: np.random.Generator) -> list[_Hold]:
     level = _joint_rotations(wrist)[0] if setup.forearm else np.eye(3)  # the forearm is level
     angles: dict[str, Array] = {}
     for finger in CHAINS:
+        above = rng.uniform(0.0, separation) if separation else 0.0
 
-        def missed(pads: Mapping[str, Array], f: str = finger) -> Array:
+        def missed(pads: Mapping[str, Array], f: str = finger, lift: float = above) -> Array:
             x, y, z = setup.side * level @ pads[f]
-            return np.array([x + 0.06 - tilt @ (y, z)])
+            return np.array([x + 0.06 - lift - tilt @ (y, z)])
 
         one = _solve_angles(setup, body, thick, "table", (finger,), missed, straight_down=True)
         angles[finger] = one[finger]
     return [_Hold(" ".join(f"{f}_bottom-table_top" for f in CHAINS), angles)]
 
 
-def _palm(setup: Setup, body: Body, rng: np.random.Generator) -> list[_Hold]:
+def _palm(setup: Setup, body: Body, rng: np.random.Generator, separation: float) -> list[_Hold]:
     thick, found = _thick(rng), []
     for finger in ("index", "middle", "ring", "little", "thumb"):
         below = "ring" if finger == "thumb" else finger
@@ -125,18 +131,23 @@ def _palm(setup: Setup, body: Body, rng: np.random.Generator) -> list[_Hold]:
         mark = body.roots[below] + setup.side * (CREASE + off)
 
         def missed(pads: Mapping[str, Array], f: str = finger, at: Array = mark) -> Array:
-            return pads[f] - at
+            return _missed(pads[f] - at, separation)
 
         angles = _solve_angles(setup, body, thick, "palm", (finger,), missed, into_palm=True)
         found.append(_Hold(f"{finger}_bottom-palm_{below}", angles))
     return found
 
 
-HOLDS: Mapping[str, Callable[[Setup, Body, np.random.Generator], list[_Hold]]] = {
+HOLDS: Mapping[str, Callable[[Setup, Body, np.random.Generator, float], list[_Hold]]] = {
     "thumb on fingertips": _pinches,
     "table": _table,
     "palm": _palm,
 }
+
+
+def _missed(off: Array, separation: float) -> Array:
+    """What is left (m) of a contact, or of a distance."""
+    return np.array([np.linalg.norm(off) - separation]) if separation else off
 
 
 def _thick(rng: np.random.Generator) -> dict[str, float]:
