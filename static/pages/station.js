@@ -10,9 +10,7 @@ export function mount(root, api, { id, go, title }) {
   const box = errorBox();
   const line = h("p", { class: "line warning", role: "status", hidden: true }, t("station.line_lost"));
   const panel = h("div", { class: "panel" });
-  const frame = h("iframe", { src: `/scene/${id}/`, title: t("station.scene") });
-  frame.style.visibility = "hidden"; // until it is known that there is such a station
-  const scene = h("div", { class: "scene" }, frame);
+  const scene = h("div", { class: "scene" });
   const strip = h("div", { class: "strip" });
   let leave = () => {};
   let gone = false;
@@ -40,13 +38,13 @@ export function mount(root, api, { id, go, title }) {
   async function begin() {
     await station.begin();
     if (gone) return;
+    scene.append(h("iframe", { src: `/scene/${id}/`, title: t("station.scene") })); // first, as it is what takes longest
     /** @type {[any, { mount: (...given: any[]) => () => void }]} */
     const [session, kind] = await Promise.all([
       api.get(`/api/sessions/${station.latest.session}`),
       station.latest.replay ? import("../station/replay.js") : import("../station/live.js"),
     ]);
     if (gone) return;
-    frame.style.visibility = "";
     title(t(station.latest.replay ? "replay.title" : "station.title", { patient: session.patient.pseudonym }));
     const sides = h("div", { class: "views" });
     scene.append(sides);
