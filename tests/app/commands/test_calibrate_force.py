@@ -226,7 +226,7 @@ def _swapped(old: str, new: str) -> Callable[[str], str]:
         (_swapped(" [V]", ""), "has no channels of the sensor"),
         (
             _swapped("200,+x", "200"),
-            "line 3: 5 columns, where the header names 6; leave a cell empty",
+            "line 3: wrong number of columns, 5; the header names 6; leave a cell empty",
         ),
         (
             _swapped("500,-z", "heavy,-z"),
@@ -272,13 +272,13 @@ def test_what_is_wrong_with_a_table_is_one_sentence(
             "ForceSetup of thumb_tip_force is no object",
         ),
         (lambda setup: _broken(setup, scale_sd=-1), "scale_sd is -1"),
-        (lambda setup: _broken(setup, scale_sd="much"), "scale_sd is not one finite number"),
+        (lambda setup: _broken(setup, scale_sd="much"), "scale_sd has to be finite numbers (one)"),
         (lambda setup: _broken(setup, turn_sd=20), "turn_sd is 20; it is an angle"),
         (
             lambda setup: _broken(setup, matrix=[[1, 0], [0, 1]]),
-            "matrix is not 3 by 3 finite numbers",
+            "matrix has to be finite numbers (3 by 3)",
         ),
-        (lambda setup: _broken(setup, offset=None), "offset is not 3 finite numbers"),
+        (lambda setup: _broken(setup, offset=None), "offset has to be finite numbers (3)"),
         (lambda setup: _broken(setup, channels=["f1"]), "channels are objects with name and units"),
     ],
 )
