@@ -36,6 +36,8 @@ def assert_close(now: Any, then: Any, at: str = "", rtol: float = 1e-6, atol: fl
             assert_close(a, b, f"{at} {k}", rtol, atol)
     elif isinstance(then, float) and isinstance(now, (int, float)):
         assert now == pytest.approx(then, rel=rtol, abs=atol), at
+    elif isinstance(then, str):  # that edition wrote a hyphen for a minus
+        assert now.replace("−", "-") == then.replace("−", "-"), at
     else:
         assert now == then, at
 

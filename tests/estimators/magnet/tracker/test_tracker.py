@@ -535,7 +535,7 @@ def test_what_cannot_be_is_refused(both: tuple[Motion, Setup, Readings, Track]) 
         tracking.track_readings(PARAMS, setup, replace(readings, mag=readings.mag * 1e6))
     with pytest.raises(InputError, match="on Earth"):
         tracking.start(replace(setup, earth=1.0))
-    with pytest.raises(InputError, match="magnetometers were told"):
+    with pytest.raises(InputError, match="stated were samples: 1800, magnetometers: 4"):
         tracking.track_readings(PARAMS, setup, replace(readings, mag=readings.mag[:, :3]))
 
 
