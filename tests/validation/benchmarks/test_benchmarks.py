@@ -122,7 +122,7 @@ def test_load_grows_until_it_is_too_late_and_what_was_in_time_is_told(
         load,
         "_under",
         lambda client, pid, stations, viewers: load.Seen(
-            20.0 * viewers, 0.5, 0.3, 0.8, 0.6, 0.2, 600.0 + 50.0 * viewers
+            20.0 * viewers, 30.0 * viewers, 0.5, 0.3, 0.8, 0.6, 0.2, 600.0 + 50.0 * viewers
         ),
     )
     seen = dict(load._until_late(None, 0, ((n, ["a"]) for n in (1, 3, 5, 7))))  # type: ignore[arg-type]
