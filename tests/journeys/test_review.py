@@ -188,7 +188,7 @@ def test_two_people_write_on_a_session_and_a_wrong_clock_is_corrected(
     mine.get_by_label("When the session was measured").fill("2025-05-12T09:30")
     mine.get_by_label("Why the date was wrong").fill("the clock")
     mine.get_by_label("Why the date was wrong").focus()
-    mine.unroute(RESULT)  # it is processed: the page is drawn anew
+    mine.unroute_all(behavior="wait")  # it is processed: the page is drawn anew
     shown(mine.get_by_role("link", name="Report (PDF)"))
     expect(mine.get_by_label("Why the date was wrong")).to_have_value("the clock")
     expect(mine.get_by_label("Why the date was wrong")).to_be_focused()
