@@ -1,6 +1,7 @@
 /** A figure's course in words: what it is, its value, how it changed. */
 import { DECIMALS } from "../session/tapping.js";
 import { angleWords, directionWords, jointWords, unitWords } from "../words/clinical.js";
+import { directionsOf } from "../words/directions.js";
 import { decimal, t } from "../words/words.js";
 
 export const PARTS = ["thumb", "index", "middle", "ring", "little", "wrist", "forearm", "all"];
@@ -19,9 +20,8 @@ export function labelWords(series) {
 export function valueWords(series, value) {
   if (series.joint) return angleWords(series.joint, series.angle, value);
   const size = withUnit(series, Math.abs(value));
-  const [below, above] = waysOf(series);
-  const way = value < 0 ? below : above;
-  return way && size !== withUnit(series, 0) ? t(`direction.${way}`, { size }) : size;
+  const direction = directionsOf(series.name)[Number(value > 0)];
+  return direction && size !== withUnit(series, 0) ? t(`direction.${direction}`, { size }) : size;
 }
 
 /** The newest value against the first or the one before: { value, then, beyond }; beyond is null where it is not judged. */
@@ -51,12 +51,6 @@ export function tickWords(series, tick) {
   const plain = decimal(tick, decimalsOf(series)).replace(/[.,]0+$/, "").replace("-", "−"); // prettier-ignore
   if (!series.joint) return series.unit === "deg" ? `${plain}°` : plain;
   return series.end === "largest" && series.angle === "flexion" && tick >= 0 ? `${Math.round(tick)}°` : valueWords(series, tick);
-}
-
-/** What values below and above zero are. */
-function waysOf({ name }) {
-  if (name.includes("_fatigue")) return ["slower", "faster"];
-  return name.includes("_decrement_") ? ["smaller", "larger"] : ["smaller", ""];
 }
 
 const decimalsOf = (series) => (series.unit === "deg" ? 0 : (DECIMALS[series.name.replace("tapping_", "")] ?? 1));

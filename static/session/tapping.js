@@ -2,6 +2,7 @@
 import { h } from "../dom.js";
 import { errorBox } from "../forms.js";
 import { colour, makePlot } from "../plots/plot.js";
+import { directionsOf } from "../words/directions.js";
 import { counted, decimal, known, plain, t } from "../words/words.js";
 import { folded } from "./folded.js";
 
@@ -23,8 +24,6 @@ export const DECIMALS = {
   longest_stop: 2,
 };
 const FIRST = ["count", "rate", "interval_mean", "amplitude_mean", "decrement_ratio"]; // the others are folded away
-const SIZES = ["smaller", "larger"];
-const WAYS = { decrement_slope: SIZES, decrement_ratio: SIZES, fatigue50: ["slower", "faster"] }; // what their signs are read as
 
 export function mount(root, api, { result }) {
   const leave = result.readings.tapping.map((trial, k, all) => {
@@ -117,10 +116,10 @@ function valueOf(figure, trial) {
   if (figure.value === null) return t(trial.amplitudes_mm.length ? "tapping.too_few" : "tapping.not_measured");
   const digits = DECIMALS[shortOf(figure)] ?? 2;
   const size = decimal(Math.abs(figure.value), digits);
-  const ways = WAYS[shortOf(figure)];
-  if (ways) {
+  const directions = directionsOf(figure.name);
+  if (directions.every(Boolean)) {
     const none = Number(figure.value.toFixed(digits)) === 0;
-    return none ? t("tapping.same") : t(`direction.${ways[Number(figure.value > 0)]}`, { size: `${size} ${figure.unit}` });
+    return none ? t("tapping.same") : t(`direction.${directions[Number(figure.value > 0)]}`, { size: `${size} ${figure.unit}` });
   }
   const sure = figure.sd >= 0.5 * 10 ** -digits ? ` ± ${decimal(figure.sd, digits)}` : ""; // a deviation below the last digit is left out
   if (figure.unit === "deg") return `${size}${sure}°`;

@@ -6,6 +6,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from handscope.app.language import languages
+from handscope.app.report import units
 from tests.app.pages.test_metronome_in_browser import SITE, serve
 
 pytestmark = pytest.mark.browser
@@ -56,3 +57,12 @@ def test_a_number_and_its_unit_stay_on_one_line_and_other_words_may_wrap(
     assert " " not in value and value.replace("\xa0", " ") == ONE_LINE[language][0]
     assert "62\xa0mm" in sentence and sentence.endswith("30\xa0s")
     assert sentence.count("\xa0") == 2
+
+
+def test_a_figures_sign_is_read_on_the_pages_as_in_the_report(browser: Browser) -> None:
+    names = [f"a{part}b" for part in units.DIRECTIONS] + ["tapping_rate"]
+    read = """async (names) => {
+      const { directionsOf } = await import("/static/words/directions.js");
+      return names.map(directionsOf);
+    }"""
+    assert said(browser, "en", read, names) == [[*units.directions_of(name)] for name in names]
