@@ -117,12 +117,13 @@ function draw(root, api, about) {
     h(
       "div",
       { class: "beside results" },
-      h("div", { class: "stack" }, main.map(([, place]) => place)), // prettier-ignore
+      h("div", { class: "stack" }, ...main.map(([, place]) => place)),
       h("div", { class: "stack" }, ...aside.map(([, place]) => place)),
     ),
   );
   const leave = assemble(api, about, [...head, ...choice, ...main, ...aside]);
-  if (done) foldOnPhone([...numbers.slice(2), ...tasks, ...kept, ...aside].map(([, place]) => place)); // trust and headlines stay
+  const further = [...numbers, ...tasks, ...kept, ...aside].filter(([part]) => part !== quality && part !== headlines);
+  if (done) foldOnPhone(further.map(([, place]) => place));
   return leave;
 }
 
