@@ -4,11 +4,14 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from urllib.parse import parse_qsl
 
+import numpy as np
 import pytest
 from sqlalchemy import func, select
 from starlette.testclient import TestClient
 
+from handscope import static
 from handscope.app.auth.gate import new_token
 from handscope.app.server import create_app
 from handscope.app.settings import Settings
@@ -21,6 +24,7 @@ from handscope.validation.benchmarks import (
     bench,
     costs,
     gate,
+    live,
     load,
     pages,
     share_of_yardstick,
@@ -129,6 +133,18 @@ def test_load_grows_until_it_is_too_late_and_what_was_in_time_is_told(
     assert list(seen) == [1, 3, 5], "nothing is asked of it after 100 ms"
     assert load._most(seen) == 3.0
     assert load._growth(seen) == 50.0
+
+
+def test_viewers_ask_for_what_a_page_asks_for() -> None:
+    asked = dict(parse_qsl(live.AS_A_PAGE))
+    page = Path(static.__file__).with_name("station").joinpath("connection.js").read_text()
+    assert f"const RATE = {asked['rate']};" in page
+    assert "&changes=true`" in page and asked["changes"] == "true"
+
+
+def test_a_stretch_without_a_message_is_too_late() -> None:
+    assert load._p99(np.array([])) > load.LATEST
+    assert load._p99(np.arange(101.0)) == 99.0
 
 
 def test_processor_time_and_memory_of_a_process_are_those_of_its_descendants_too() -> None:
