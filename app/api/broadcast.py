@@ -6,7 +6,7 @@ Viewers wake together, with the first pose of each PULSE of the server's clock, 
 import asyncio
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -19,6 +19,8 @@ from handscope.app.report.sections import self_calibration
 
 # s, at most one message to a viewer in each; shorter than the 10 ms between two poses
 PULSE = 1 / 120
+# s, longest wait for another pose once a viewer's time has come; longer than between two poses at 60 Hz
+NEXT_POSE = 0.02
 TRANSLATED_KEYS = (
     "title",
     "instruction",
@@ -138,9 +140,17 @@ def localised_snapshot(snapshot: dict[str, Any], language: Language) -> dict[str
     return localised
 
 
-def time_to_next_pulse(pulse: float = PULSE) -> float:
-    """Seconds to the next multiple of `pulse` on the server's clock."""
-    return pulse - time.monotonic() % pulse
+async def next_pulse(news: asyncio.Event, pulse: float = PULSE) -> None:
+    """Sleep to the next multiple of `pulse` s on the server's clock, and on to the first news after it.
+
+    News that came while a viewer slept for more than a pose grow old with it; those are not waited for longer than NEXT_POSE where no other comes.
+    """
+    await asyncio.sleep(pulse - time.monotonic() % pulse)
+    if pulse > NEXT_POSE and news.is_set():
+        news.clear()
+        with suppress(TimeoutError):
+            await asyncio.wait_for(news.wait(), NEXT_POSE)
+        news.set()
 
 
 def _to_json_text(payload: Any) -> str:

@@ -12,7 +12,7 @@ from handscope.app.api.broadcast import (
     PULSE,
     StationBroadcast,
     localised_snapshot,
-    time_to_next_pulse,
+    next_pulse,
 )
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, requires_role
@@ -218,7 +218,7 @@ async def _send_live(
             if station.ended:
                 await websocket.close(GONE, "the station was closed")
                 return
-            await asyncio.sleep(time_to_next_pulse(pulse_length))
+            await next_pulse(news, pulse_length)
 
 
 def _changes(

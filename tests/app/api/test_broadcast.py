@@ -2,13 +2,14 @@
 
 import asyncio
 import json
+import time
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 from handscope.app import language
-from handscope.app.api.broadcast import StationBroadcast, changed
+from handscope.app.api.broadcast import NEXT_POSE, StationBroadcast, changed, next_pulse
 from handscope.app.live.viewers import Viewers
 
 ENGLISH = language.language("en")
@@ -110,3 +111,31 @@ def test_every_viewer_is_woken_and_a_station_nobody_watches_is_left_alone() -> N
         assert not station.viewers
 
     asyncio.run(watched())
+
+
+def test_a_viewer_that_slept_for_long_is_sent_the_next_pose_not_the_one_that_waited() -> None:
+    async def poses_seen() -> int:
+        news, seen = asyncio.Event(), 0
+
+        def pose() -> None:
+            nonlocal seen
+            seen += 1
+            news.set()
+
+        await asyncio.sleep(0.05 - time.monotonic() % 0.05)
+        pose()
+        asyncio.get_running_loop().call_later(0.05 + NEXT_POSE / 2, pose)
+        await next_pulse(news, 0.05)
+        return seen
+
+    assert asyncio.run(poses_seen()) == 2
+
+
+def test_news_after_which_no_other_comes_are_sent_all_the_same() -> None:
+    async def is_sent() -> bool:
+        news = asyncio.Event()
+        news.set()
+        await asyncio.wait_for(next_pulse(news, 0.05), 0.05 + 50 * NEXT_POSE)
+        return news.is_set()
+
+    assert asyncio.run(is_sent())
