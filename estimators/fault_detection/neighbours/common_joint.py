@@ -42,7 +42,7 @@ TURNS = 0.5  # 1/s^2, root mean square of what a window adds to an arm of 1 m al
 ACC_BIAS = 0.1  # m/s^2, standard deviation of an accelerometer axis
 FLOOR = 0.015  # m/s^2, of an axis: noise of an accelerometer at 25 Hz and what a second of integrated rates leaves; size ours
 WEIGHTS = 4.0 ** np.arange(0, 14, 1.0)
-PRIOR = FLOOR**2 / np.repeat([EXPECTED, EXPECTED, ACC_BIAS], 3) ** 2
+PRIOR = FLOOR**2 / np.repeat([EXPECTED, EXPECTED, ACC_BIAS, ACC_BIAS], 3) ** 2
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Couple:
     @cached_property
     def sums(self) -> tuple[Array, Array, Array]:
         """What the fit needs of the instants of each window."""
-        first, second = by_vector(self.first.as_first), by_vector(self.second.as_second)
+        first, second = by_vector(self.first.vectors), by_vector(self.second.vectors)
         return self.first.gram, np.swapaxes(first, 1, 2) @ second, self.second.outer
 
     @cached_property
@@ -92,7 +92,7 @@ class Couple:
     @cached_property
     def against(self) -> Array:
         """Mean square (K,) of what an arm of 1 m adds by the first sensor and not by the second, 1/s^4."""
-        R, _ = align(*self.sums, np.append(self.expected, np.zeros(3)))
+        R, _ = align(*self.sums, np.append(self.expected, np.zeros(6)))
         half = self.first.turned.shape[1] // 2
         between = np.swapaxes(self.first.turned[:, half], 1, 2) @ R @ self.second.turned[:, half]
         off = self.first.arm - R[:, None] @ self.second.arm @ np.swapaxes(between, 1, 2)[:, None]
@@ -111,10 +111,10 @@ class Joint:
     couple: Couple
     use: Array  # (K,) weight of each window
     region: Region
-    unknowns: Array  # (9,) m, the place in the first sensor's frame, in the second's; m/s^2, difference of biases
-    normal: Array  # (9, 9)
-    gradient: Array  # (K, 9)
-    sums: Array  # (K, 10, 10) of derivatives by the unknowns and of what is left over
+    unknowns: Array  # (12,) m, the place in the first sensor's frame, in the second's; m/s^2, bias of either accelerometer in its frame
+    normal: Array  # (12, 12)
+    gradient: Array  # (K, 12)
+    sums: Array  # (K, 13, 13) of derivatives by the unknowns and of what is left over
 
     @property
     def place(self) -> Array:
@@ -142,7 +142,7 @@ def _scattered(joints: Sequence[Joint]) -> Array:
     Biometrika 73:13)."""
     spread = np.array([(EXPECTED / j.region.sd) ** 2 for j in joints])
     known = np.zeros((len(joints), UNKNOWNS, UNKNOWNS))
-    each = np.repeat(np.stack([spread, spread, np.ones(len(joints))], axis=1), 3, axis=1)
+    each = np.repeat(np.stack([spread, spread, *np.ones((2, len(joints)))], axis=1), 3, axis=1)
     known[:, np.arange(UNKNOWNS), np.arange(UNKNOWNS)] = PRIOR * each
     gradient = np.array([j.gradient for j in joints])
     K = np.count_nonzero(np.abs(gradient).sum(axis=2), axis=1)
@@ -200,7 +200,7 @@ def _problem(couple: Couple, use: Array, region: Region) -> tuple[Any, ...]:
     """Weights, region and sizes as the kernels take them."""
     return (
         use / (couple.noise + FLOOR**2),
-        np.append(region.centre, np.zeros(3)),
+        np.append(region.centre, np.zeros(6)),
         PRIOR,
         region.reach,
         WEIGHTS * (EXPECTED / region.sd) ** 2,

@@ -21,18 +21,18 @@ from handscope.estimators.numerics.small_matrices import (
 )
 from handscope.estimators.numerics.typing import Array
 
-UNKNOWNS = 9  # place from the first sensor, from the second, difference of biases in its frame
-FIRST, SECOND = 7, 4  # vectors: force, arm x, y, z, frame x, y, z of the first; force, arm
-ALL = FIRST + SECOND
+UNKNOWNS = 12  # place from the first sensor, from the second; bias of either, in its frame
+EACH = 7  # vectors of a sensor: force, arm x, y, z, frame x, y, z
+ALL = 2 * EACH
 RIDGE = 1e-6  # (m/s^2)^2, keeps the rotation's square invertible where nothing accelerates
 STEPS = 4
 FARTHEST = 0.3  # rad that a step may turn a window's rotation before it is found anew
-COLUMNS = np.array([1, 2, 3, 8, 9, 10, 4, 5, 6])  # of the unknowns among all vectors
+COLUMNS = np.array([1, 2, 3, 8, 9, 10, 4, 5, 6, 11, 12, 13])  # of the unknowns among all vectors
 
 
 @inlined
 def factors(x: Array) -> Array:
-    """What each vector (11,) counts in the residual."""
+    """What each vector (14,) counts in the residual."""
     c = np.ones(ALL)
     for i in range(UNKNOWNS):
         c[COLUMNS[i]] = x[i]
@@ -40,17 +40,17 @@ def factors(x: Array) -> Array:
 
 
 @inlined
-def fill_parts(sums: Array, c: Array, parts: Array, total: Array) -> None:
-    """Sums (V, 3, 3) of vectors with the joint's acceleration by the second sensor; that of the joint's acceleration (3, 3), the vectors by `c`."""
+def fill_parts(sums: Array, c: Array, begin: int, parts: Array, total: Array) -> None:
+    """Sums (7, 3, 3) of a sensor's vectors with the joint's acceleration by the second sensor; that of the joint's acceleration (3, 3), the vectors by `c` from `begin` on."""
     clear(total)
-    for p in range(len(parts)):
+    for p in range(EACH):
         for i in range(3):
             for j in range(3):
                 part = 0.0
-                for q in range(SECOND):
-                    part += c[FIRST + q] * sums[3 * p + i, 3 * q + j]
+                for q in range(EACH):
+                    part += c[EACH + q] * sums[3 * p + i, 3 * q + j]
                 parts[p, i, j] = part
-                total[i, j] += c[p if len(parts) == FIRST else FIRST + p] * part
+                total[i, j] += c[begin + p] * part
 
 
 @inlined
@@ -119,44 +119,44 @@ def turn_by(v0: float, v1: float, v2: float, angle: float, R: Array) -> None:
 @inlined
 def fill_vectors(gram: Array, cross: Array, outer: Array, R: Array, total: Array) -> None:
     """The normal matrix of all vectors with each other, those of the second sensor turned and negated; its upper half."""
-    for p in range(FIRST):
-        for q in range(p, FIRST):
+    for p in range(EACH):
+        for q in range(p, EACH):
             total[3 + p, 3 + q] = gram[p, q]
-        for q in range(SECOND):
+        for q in range(EACH):
             off = 0.0
             for i in range(3):
                 for j in range(3):
                     off += R[i, j] * cross[3 * p + i, 3 * q + j]
-            total[3 + p, 3 + FIRST + q] = -off
-    for p in range(SECOND):
-        for q in range(p, SECOND):
-            total[3 + FIRST + p, 3 + FIRST + q] = (
+            total[3 + p, 3 + EACH + q] = -off
+    for p in range(EACH):
+        for q in range(p, EACH):
+            total[3 + EACH + p, 3 + EACH + q] = (
                 outer[3 * p, 3 * q] + outer[3 * p + 1, 3 * q + 1] + outer[3 * p + 2, 3 * q + 2]
             )
 
 
 @inlined
 def fill_turn_rows(first: Array, second: Array, square: Array, R: Array, total: Array) -> None:
-    """First three rows of the normal matrix (14, 14): of a small turn with itself and with all vectors."""
+    """First three rows of the normal matrix (17, 17): of a small turn with itself and with all vectors."""
     b = np.empty((3, 3))
     fill_turn(square, R, total[:3, :3])
-    for p in range(FIRST):
+    for p in range(EACH):
         turned(first[p], R, b)
         for k in range(3):
             e, f = (k + 1) % 3, (k + 2) % 3
             total[k, 3 + p] = b[e, f] - b[f, e]
-    for q in range(SECOND):
+    for q in range(EACH):
         for m in range(3):
             off = 0.0
             for k in range(3):
                 e, f = (k + 1) % 3, (k + 2) % 3
                 off += R[m, k] * (second[q, e, f] - second[q, f, e])
-            total[m, 3 + FIRST + q] = -off
+            total[m, 3 + EACH + q] = -off
 
 
 @inlined
 def square_up(total: Array, c: Array, out: Array) -> None:
-    """Sums (10, 10) of the products of derivatives by the unknowns and of the residual, the rotation projected out of the normal matrix (14, 14)."""
+    """Sums (13, 13) of the products of derivatives by the unknowns and of the residual, the rotation projected out of the normal matrix (17, 17)."""
     for k in range(3):  # Gauss's elimination of the turn
         for p in range(k + 1, 3 + ALL):
             share = total[k, p] / total[k, k]
@@ -201,7 +201,7 @@ def solve_within(
 def add_up(
     sums: Array, at: Array, x: Array, weight: Array, floor: float, count: float, gradient: Array
 ) -> tuple[Array, Array]:
-    """Normal matrix (9, 9) and right side (9,) of windows' sums (K, 10, 10) that were formed where the unknowns were `at`; those that fit badly count less (Cauchy)."""
+    """Normal matrix (12, 12) and right side (12,) of windows' sums (K, 13, 13) that were formed where the unknowns were `at`; those that fit badly count less (Cauchy)."""
     normal, right = np.zeros((UNKNOWNS, UNKNOWNS)), np.zeros(UNKNOWNS)
     step = x - at
     for k in range(len(weight)):
@@ -227,11 +227,11 @@ def add_up(
 def reduce_window(
     gram: Array, cross: Array, outer: Array, c: Array, is_new: bool, R: Array, out: Array
 ) -> None:
-    """Find a window's rotation, or follow it to where the unknowns now have it, and its sums (10, 10) without it."""
-    first, second = np.empty((FIRST, 3, 3)), np.empty((SECOND, 3, 3))
+    """Find a window's rotation, or follow it to where the unknowns now have it, and its sums (13, 13) without it."""
+    first, second = np.empty((EACH, 3, 3)), np.empty((EACH, 3, 3))
     products, square = np.empty((3, 3)), np.empty((3, 3))
-    fill_parts(cross, c, first, products)
-    fill_parts(outer, c, second, square)
+    fill_parts(cross, c, 0, first, products)
+    fill_parts(outer, c, EACH, second, square)
     if is_new:
         find_rotation(products, R)
     else:
@@ -255,7 +255,7 @@ def fit_unknowns(
     floor: float,
     count: float,
 ) -> tuple[Array, Array, Array, Array]:
-    """Unknowns (9,), normal matrix (9, 9), gradients (K, 9), sums (K, 10, 10) of every window; windows count less by their sum of squares over `count`."""
+    """Unknowns (12,), normal matrix (12, 12), gradients (K, 12), sums (K, 13, 13) of every window; windows count less by their sum of squares over `count`."""
     K = len(weight)
     R, sums = np.zeros((K, 3, 3)), np.zeros((K, UNKNOWNS + 1, UNKNOWNS + 1))
     gradient, x = np.zeros((K, UNKNOWNS)), centre.copy()
@@ -294,7 +294,7 @@ def refit_unknowns(
 
 @looped
 def align(gram: Array, cross: Array, outer: Array, x: Array) -> tuple[Array, Array]:
-    """Rotations (K, 3, 3) at given unknowns (9,), and sums of squares (K,) that are left over."""
+    """Rotations (K, 3, 3) at given unknowns (12,), and sums of squares (K,) that are left over."""
     K = len(gram)
     R, out = np.zeros((K, 3, 3)), np.zeros((UNKNOWNS + 1, UNKNOWNS + 1))
     rest, c = np.zeros(K), factors(x)

@@ -70,25 +70,20 @@ class Windows:
         return Windows(self.t, *cut)
 
     @cached_property
-    def as_first(self) -> Array:
+    def vectors(self) -> Array:
         """Vectors (K, m, 3, 7) of a joint's acceleration by this sensor: force, arms, and axes of the frame, negated."""
         return np.concatenate([self.force[..., None], self.arm, -self.turned], axis=-1)
 
     @cached_property
-    def as_second(self) -> Array:
-        """The same (K, m, 3, 4) without the frame's."""
-        return self.as_first[..., :4]
-
-    @cached_property
     def gram(self) -> Array:
         """Sums (K, 7, 7) of the vectors' scalar products."""
-        flat = self.as_first.reshape(len(self.force), -1, 7)
+        flat = self.vectors.reshape(len(self.force), -1, 7)
         return np.asarray(np.swapaxes(flat, 1, 2) @ flat)
 
     @cached_property
     def outer(self) -> Array:
-        """Sums (K, 12, 12) of the products of their components, force and arms."""
-        flat = by_vector(self.as_second)
+        """Sums (K, 21, 21) of the products of their components."""
+        flat = by_vector(self.vectors)
         return np.asarray(np.swapaxes(flat, 1, 2) @ flat)
 
     @cached_property

@@ -1,17 +1,29 @@
 """The joint between two sensors is found where it is, with an honest standard deviation, whatever the sensors' seats."""
 
+from collections.abc import Mapping
+from dataclasses import replace
+
 import numpy as np
 
+from handscope.estimators.data.samples import ACC
 from handscope.estimators.fault_detection.neighbours import common_joint, joint_windows
 from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.typing import Array
 from tests.estimators.fault_detection.joint_recordings import freely_moved
 
 
-def pairs() -> Pairs:
-    recording = freely_moved()
-    series = joint_windows.common_series(list(recording.blocks()), {})
+def pairs(acc_bias: Mapping[str, Array] = {}) -> Pairs:
+    blocks = []
+    for block in freely_moved().blocks():
+        values = block.values.copy()
+        for sensor in set(acc_bias) & set(block.stream.sensors):
+            values[:, block.stream.sensors.index(sensor), block.stream.axes(ACC)] += acc_bias[
+                sensor
+            ]
+        blocks.append(replace(block, values=values))
+    series = joint_windows.common_series(blocks, {})
     assert series is not None
     return Pairs(series, sized("left"), dict.fromkeys(series.sensors, quat.IDENTITY))
 
@@ -41,3 +53,12 @@ def test_a_region_holds_the_joint() -> None:
     couple = p.couple("index_middle", "index_distal")
     found = common_joint.fit(couple, np.ones(len(couple.noise)), far)
     assert (np.linalg.norm((found.place - far.centre).reshape(2, 3), axis=1) <= 0.0101).all()
+
+
+def test_what_a_joint_leaves_does_not_grow_with_the_bias_of_either_accelerometer() -> None:
+    joint = ("hand", "ring_proximal")  # which turn against each other, and so do their biases
+    plain = pairs().joint(*joint)
+    for sensor in joint:
+        biased = pairs({sensor: np.array([0.5, -0.3, 0.2])}).joint(*joint)
+        assert biased.rest.mean() < 1.1 * plain.rest.mean()
+        assert np.linalg.norm(biased.place - plain.place) < 2e-3
