@@ -15,7 +15,7 @@ from handscope.estimators.methods import METHODS, ekf
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
 from handscope.sessions.formats import recordings as formats_recordings
-from handscope.validation.independent.simulator import contacts
+from handscope.validation.independent.simulator import contacts, daily_movements
 from handscope.validation.independent.simulator.free_movement import (
     BEGUN,
     DEG,
@@ -37,7 +37,9 @@ CONTACTS: Mapping[str, Sequence[str]] = {
     **{f"ekf, {kind}": (kind,) for kind in contacts.HOLDS},
     "ekf, all contacts": tuple(contacts.HOLDS),
 }
+DAILY = "ekf, daily movements"
 DURATION, PACE = 45.0, 0.6  # s, Hz
+DAILY_DURATION = 24.0  # s
 COLUMNS = ("tips, cm", "angles, deg", "NEES angles", "NEES tips")
 
 
@@ -75,7 +77,27 @@ def measure(trial: Trial) -> Mapping[str, float]:
         found |= {f"{case}: {what}": error for what, error in errors.items()}
     for case, kinds in CONTACTS.items():
         found |= {f"{case}: {what}": e for what, e in _with_contacts(trial, kinds).items()}
-    return found
+    return found | {f"{DAILY}: {what}": e for what, e in _in_daily_movements(trial).items()}
+
+
+def _in_daily_movements(trial: Trial) -> dict[str, float]:
+    """Errors of `ekf`, mean over the movements, each after a pose of its own that the person misses alike."""
+    setup = Setup(
+        trial.seed,
+        fingers=FINGERS,
+        forearm=True,
+        duration=DAILY_DURATION,
+        missed=trial.pose * DEG,
+    )
+    each = []
+    for name in daily_movements.MOVEMENTS:
+        with TemporaryDirectory() as folder:
+            at = Path(folder) / "recording"
+            true = written(setup, at, daily_movements.movement(name, setup))
+            recording = formats_recordings.load(at)
+        moved = process(ekf, ekf.Params(), recording).trajectory
+        each.append(_errors(moved, true, BEGUN, DAILY_DURATION))
+    return {what: float(np.mean([errors[what] for errors in each])) for what in COLUMNS}
 
 
 def _with_contacts(trial: Trial, kinds: Sequence[str]) -> dict[str, float]:
@@ -93,7 +115,7 @@ def _with_contacts(trial: Trial, kinds: Sequence[str]) -> dict[str, float]:
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, float]]]) -> Finding:
     """One row a size and case."""
     rows = []
-    for pose, case in product(POSES, [*CASES, *CONTACTS]):
+    for pose, case in product(POSES, [*CASES, *CONTACTS, DAILY]):
         of_pose = [found for trial, found in results if trial.pose == pose]
         given = [c for c in COLUMNS if of_pose and f"{case}: {c}" in of_pose[0]]
         rows.append(
@@ -107,6 +129,7 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, float]]]
         f"{wanted.seeds} people a row, simulated by validation/independent/simulator/free_movement.py, which shares no line with estimators/. Whole left hand with forearm, {DURATION:g} s, "
         f"every joint and the hand itself move at up to {PACE:g} Hz after a flat hand of which every freedom is missed by a normal error of that standard deviation. "
         "Sensors misaligned by 5 deg about each axis, skin 2 deg and 1 mm in 90 deg. All 23 freedoms and five tips; NEES: mean normalised error squared, 1 is honest. "
+        f"Daily movements: {len(daily_movements.MOVEMENTS)} of {DAILY_DURATION:g} s each, from tapping to a hand that rests, errors averaged over them. "
         "Contacts: between pose and movement, each held for 2 s; pads 3 mm beside each other (each axis), creases 4 mm beside where they are believed, a table tilted by 0.8 deg.",
     )
     return Finding(
