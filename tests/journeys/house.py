@@ -127,6 +127,18 @@ def sent_late(page: Page, address: str) -> Iterator[None]:
     page.unroute(address)
 
 
+def skip_task(page: Page, task: str, reason: str) -> None:
+    """Not without a reason."""
+    page.locator(f'[data-task="{task}"]').click()
+    act(page, "skip").click()
+    page.get_by_role("button", name="Skip this task").click()
+    expect(page.get_by_text("Give a reason")).to_be_visible()
+    keep_picture(page, "station-skip")
+    page.get_by_role("button", name=reason).click()
+    page.get_by_role("button", name="Skip this task").click()
+    expect(page.locator(f'[data-task="{task}"]')).to_contain_text("skipped")
+
+
 def end_trial(page: Page) -> None:
     """End the trial that runs; on a busy machine it may have come to its end meanwhile."""
     with suppress(TimeoutError):
@@ -160,6 +172,14 @@ def scene_drawn(page: Page) -> Frame:
     assert frame is not None
     frame.wait_for_function("() => window.__viserSceneTree?.getState()['/hand/palm'] !== undefined")
     return frame
+
+
+def leave_scene(page: Page) -> None:
+    """An empty page takes the place of a scene that was looked at, where no pictures are kept: it costs half as much as all else of a session."""
+    if not shots():
+        page.locator("iframe").evaluate(
+            "(scene) => { scene.srcdoc = '<!doctype html><title>Hand</title>'; }"
+        )
 
 
 def shots() -> str:

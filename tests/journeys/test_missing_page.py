@@ -7,6 +7,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from tests.journeys.house import Server, keep_screen, shown
 from tests.journeys.test_accessibility import looked_at
+from tests.swept import swept
 
 pytestmark = pytest.mark.browser
 WORDS = {
@@ -16,7 +17,7 @@ WORDS = {
 }
 
 
-@pytest.mark.parametrize("language", WORDS)
+@pytest.mark.parametrize("language", swept(WORDS, kept=["en"]))
 def test_a_mistyped_address_is_a_page_with_a_way_back(
     browser: Browser, server: Server, language: str
 ) -> None:

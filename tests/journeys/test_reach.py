@@ -22,7 +22,7 @@ from tests.journeys.house import (
 )
 from tests.journeys.test_accessibility import looked_at
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
 TWICE_OUT = 10.0  # s of the task's samples: out, back, and out again, 3 s each
 IN_METRES = (  # rows of the reach that only a magnet gives
     "Distance reached",

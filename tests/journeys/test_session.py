@@ -16,10 +16,12 @@ from tests.journeys.house import (
     end_trial,
     figure,
     keep_picture,
+    leave_scene,
     name_port,
     new_patient,
     scene_drawn,
     shown,
+    skip_task,
 )
 
 pytestmark = pytest.mark.browser
@@ -49,6 +51,7 @@ def test_from_a_new_patient_to_a_report(page: Page, server: Server, tmp_path: Pa
 
     begin_session(page, "left")
     scene_drawn(page)
+    leave_scene(page)
     shown(act(page, "continue"))
     shown(
         page.get_by_text(re.compile("all 7 strips found|7 of 7 strips, see below"))
@@ -82,7 +85,7 @@ def test_from_a_new_patient_to_a_report(page: Page, server: Server, tmp_path: Pa
     keep_picture(page, "station-tasks")
     _shows_no_key(page)
     _perform(page, "rom_fist", "now")
-    _skip(page, "rom_spread", "Pain")
+    skip_task(page, "rom_spread", "Pain")
     taps = _perform(page, "tapping", "taps")
 
     act(page, "finish").click()
@@ -157,17 +160,6 @@ def _turn_the_view(page: Page) -> None:
     with page.expect_response("**/view") as answer:
         page.locator('[data-view="palm"]').click()
     assert answer.value.status == 204
-
-
-def _skip(page: Page, task: str, reason: str) -> None:
-    page.locator(f'[data-task="{task}"]').click()
-    act(page, "skip").click()
-    page.get_by_role("button", name="Skip this task").click()
-    expect(page.get_by_text("Give a reason")).to_be_visible()
-    keep_picture(page, "station-skip")
-    page.get_by_role("button", name=reason).click()
-    page.get_by_role("button", name="Skip this task").click()
-    expect(page.locator(f'[data-task="{task}"]')).to_contain_text("skipped")
 
 
 def _read_results(page: Page, folder: Path, taps: str) -> None:

@@ -7,6 +7,7 @@ import pytest
 from playwright.sync_api import Frame, Page, expect
 
 from tests.journeys.house import act, begin_session, end_session, new_patient, scene_drawn, shown
+from tests.swept import swept
 
 pytestmark = pytest.mark.browser
 SMALL = {"width": 960, "height": 600}  # two scenes are drawn at once
@@ -14,29 +15,22 @@ PALM = "() => [...window.__viserSceneTree.getState()['/hand/palm'].message.props
 GHOST = "(seen) => window.__viserSceneTree.getState()['/ghost'].children.length > 0 === seen"  # its parts come when they are first shown
 
 
-def test_two_stations_show_two_hands(another_page: Callable[..., Page]) -> None:
-    left, right = (another_page(at=None, viewport=SMALL) for _ in range(2))
-    scenes: list[Frame] = []
+@pytest.mark.parametrize("drawn", swept([False, True], kept=[False]))
+def test_two_stations_lead_two_hands(another_page: Callable[..., Page], drawn: bool) -> None:
+    left, right = (another_page(scene=drawn, at=None, viewport=SMALL) for _ in range(2))
     for page, hand in ((left, "left"), (right, "right")):
         page.goto(f"/patients/{new_patient(page)}")
         begin_session(page, hand)
-        scenes.append(scene_drawn(page))
-    palms = [np.array(scene.evaluate(PALM)) for scene in scenes]
-    np.testing.assert_allclose(
-        palms[0],
-        -palms[1],
-        atol=1e-6,
-        err_msg="frames of a left and a right hand are each other's negative",
-    )
-
-    for scene in scenes:
-        scene.wait_for_function(GHOST, arg=False)
+    scenes = [scene_drawn(page) for page in (left, right)] if drawn else []
+    if drawn:
+        _show_two_hands(scenes)
     shown(act(left, "continue")).click()
-    scenes[0].wait_for_function(GHOST, arg=True)
-    assert scenes[1].evaluate(GHOST, False), (
-        "the right hand's scene follows the left hand's session"
-    )
+    shown(left.get_by_role("heading", name="Initial pose"))
+    if drawn:
+        scenes[0].wait_for_function(GHOST, arg=True)
+        assert scenes[1].evaluate(GHOST, False), "the right hand's scene follows the left's session"
     shown(act(right, "continue"))
+    expect(right.get_by_role("heading", name="Initial pose")).to_have_count(0)
 
     third = another_page(scene=False, at="/patients/1")
     for hand in ("left", "right"):
@@ -44,6 +38,19 @@ def test_two_stations_show_two_hands(another_page: Callable[..., Page]) -> None:
     end_session(left)
     shown(act(right, "continue"))
     end_session(right)
+
+
+def _show_two_hands(scenes: list[Frame]) -> None:
+    """Each its own, and neither a ghost yet."""
+    left, right = (np.array(scene.evaluate(PALM)) for scene in scenes)
+    np.testing.assert_allclose(
+        left,
+        -right,
+        atol=1e-6,
+        err_msg="frames of a left and a right hand are each other's negative",
+    )
+    for scene in scenes:
+        scene.wait_for_function(GHOST, arg=False)
 
 
 def test_a_second_viewer_sees_the_same_session_and_both_are_led_on(

@@ -204,6 +204,7 @@ def _exchanged(channels: str) -> str:
     )
 
 
+@pytest.mark.slow
 def test_exchanged_sensors_are_named_with_what_to_do_and_lower_their_figures(
     page: Page, patient: int, tmp_path: Path
 ) -> None:
