@@ -80,8 +80,8 @@ pin-images:
 # A file's tests stay in one process, which makes their recordings once; files come longest first (tests/schedule.py)
 PYTEST = $(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 LANE ?= not slow
-# More than twice as many as the cores that the suite is meant for: browsers, servers and programs are waited for
-WORKERS ?= 5
+# Twice as many as the cores that the suite is meant for: browsers, servers and programs are waited for
+WORKERS ?= 4
 
 tests: $(VENV)/kept $(VENV)/develops browser
 	$(PYTEST) -m "$(LANE)"

@@ -1,8 +1,11 @@
-"""Who runs which test: the longest files first, a file's tests in one process, the journeys in three of the processes.
+"""Who runs which test: the longest files first, a file's tests in one process, the journeys in two of the processes.
 
-A journey waits for a hand that moves in real time, for a page, for a server: other processes compute meanwhile. Three servers
-and three browsers are as many as two cores bear.
+A journey waits for a hand that moves in real time, for a page, for a server: other processes compute meanwhile. Two servers
+and two browsers leave a core to the others.
 """
+
+from collections.abc import Collection, Iterable
+from typing import Any
 
 import pytest
 from xdist.remote import Producer
@@ -11,7 +14,14 @@ from xdist.scheduler import LoadFileScheduling
 from tests.durations import FILES
 
 JOURNEYS = "tests/journeys/"
-LANES = 3
+LANES = 2
+
+
+def swept(cases: Iterable[Any], kept: Collection[Any]) -> list[Any]:
+    """Cases of a sweep for `parametrize`: `make test` takes those that are `kept`, `make test-all` the others, too (CONTRIBUTING.md)."""
+    found = list(cases)
+    assert kept and all(case in found for case in kept), f"{kept} are not among the cases"
+    return [case if case in kept else pytest.param(case, marks=pytest.mark.slow) for case in found]
 
 
 def seconds() -> dict[str, float]:

@@ -32,7 +32,7 @@ print(*[name for name in sorted({*sys.modules} - watched) if name.startswith(tup
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("name", ["xdf", "xlsx"])
+@pytest.mark.parametrize("name", ["xdf", pytest.param("xlsx", marks=pytest.mark.slow)])
 def test_nothing_that_is_fuzzed_is_imported_later(name: str, tmp_path: Path) -> None:
     words = [sys.executable, "-c", PROGRAM, "--one", name, "--corpus", str(tmp_path)]
     # a command that ran in this process may have asked for a safe path

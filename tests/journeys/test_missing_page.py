@@ -7,7 +7,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from tests.journeys.house import Server, keep_screen, shown
 from tests.journeys.test_accessibility import looked_at
-from tests.swept import swept
+from tests.schedule import swept
 
 pytestmark = pytest.mark.browser
 WORDS = {

@@ -4,7 +4,7 @@ import pytest
 from playwright.sync_api import Browser, Route, expect
 
 from tests.journeys.house import Server, keep_screen, shown
-from tests.swept import swept
+from tests.schedule import swept
 
 pytestmark = pytest.mark.browser
 ROW = {

@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.journeys.house import Server, api, keep_picture, sent_late, shown
-from tests.swept import swept
+from tests.schedule import swept
 
 pytestmark = pytest.mark.browser
 

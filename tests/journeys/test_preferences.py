@@ -43,6 +43,7 @@ def test_german_is_chosen_once_and_kept_and_reports_follow_it(
     shown(page.get_by_role("heading", name="Finger tapping"))
 
 
+@pytest.mark.slow
 def test_a_german_browser_sees_german_and_the_station_speaks_it(
     another_page: Callable[..., Page], server: Server
 ) -> None:

@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import Frame, Page, expect
 
 from tests.journeys.house import act, begin_session, end_session, new_patient, scene_drawn, shown
-from tests.swept import swept
+from tests.schedule import swept
 
 pytestmark = pytest.mark.browser
 SMALL = {"width": 960, "height": 600}  # two scenes are drawn at once

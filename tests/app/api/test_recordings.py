@@ -141,13 +141,15 @@ def test_an_upload_becomes_a_session_with_figures_and_exports(
 def test_a_second_session_says_what_changed_since_the_first(
     client: TestClient, patient: int, packed: bytes
 ) -> None:
-    alone = finished(client, upload(client, patient, packed).json()["result"])["readings"]
+    alone = finished(client, upload(client, patient, packed, method="m2").json()["result"])[
+        "readings"
+    ]
     assert alone["changes"] is None
     assert {str(r["changes"]) for r in alone["ranges"][0]["rows"]} == {"{}"}
     another = changed(
         packed, "dataset_description.json", lambda data: data + b" "
     )  # a recording of its own with the same movement
-    result = finished(client, upload(client, patient, another).json()["result"])
+    result = finished(client, upload(client, patient, another, method="m2").json()["result"])
     (row,) = [
         r
         for r in result["readings"]["ranges"][0]["rows"]
@@ -174,7 +176,7 @@ def test_a_second_session_says_what_changed_since_the_first(
 def test_curves_are_thinned_and_in_units_for_people(
     client: TestClient, patient: int, packed: bytes
 ) -> None:
-    result = finished(client, upload(client, patient, packed).json()["result"])
+    result = finished(client, upload(client, patient, packed, method="m2").json()["result"])
     curves = client.get(
         f"/api/results/{result['id']}/curves",
         params={"what": ["index_pip_flexion", "aperture"], "points": 50},
@@ -212,13 +214,16 @@ def test_the_same_method_and_options_give_the_result_that_is_there(
 
 
 def test_two_results_stand_on_one_clock(client: TestClient, patient: int, packed: bytes) -> None:
-    made = upload(client, patient, packed).json()
+    made = upload(client, patient, packed, method="m2").json()
     other = client.post(
         f"/api/sessions/{made['session']}/results",
         json={"method": "m2", "options": {"alignment": "heading"}},
     ).json()["result"]
     another = upload(
-        client, patient, changed(packed, "dataset_description.json", lambda data: data + b" ")
+        client,
+        patient,
+        changed(packed, "dataset_description.json", lambda data: data + b" "),
+        method="m2",
     ).json()
     for result in (made["result"], other, another["result"]):
         assert finished(client, result)["state"] == "done"
@@ -239,7 +244,7 @@ def test_two_results_stand_on_one_clock(client: TestClient, patient: int, packed
     ):
         assert sentence in client.get(base, params={**params, **pip}).json()["error"]
     stranger = client.post("/api/patients", json={"pseudonym": f"S-{patient}"}).json()["id"]
-    theirs = upload(client, stranger, packed).json()["result"]
+    theirs = upload(client, stranger, packed, method="m2").json()["result"]
     finished(client, theirs)
     assert "two patients" in client.get(base, params={"other": theirs, **pip}).json()["error"]
     replay = f"/api/results/{made['result']}/replay"
@@ -256,7 +261,7 @@ def test_two_results_stand_on_one_clock(client: TestClient, patient: int, packed
 def test_a_trial_is_left_out_with_a_reason_and_taken_back(
     client: TestClient, patient: int, packed: bytes
 ) -> None:
-    made = upload(client, patient, packed).json()
+    made = upload(client, patient, packed, method="m2").json()
     first = finished(client, made["result"])
     file = client.get(f"/api/sessions/{made['session']}").json()["recordings"][0]
     event = next(k for k, e in enumerate(file["summary"]["events"]) if e["trial_type"] == "task")
@@ -292,7 +297,7 @@ def test_a_trial_is_left_out_with_a_reason_and_taken_back(
 def test_a_height_of_the_trunk_told_afterwards_is_computed_with_and_put_back(
     client: TestClient, patient: int, packed: bytes, settings: Settings
 ) -> None:
-    made = upload(client, patient, packed).json()
+    made = upload(client, patient, packed, method="m2").json()
     finished(client, made["result"])
     at = f"/api/sessions/{made['session']}"
     refused = client.patch(at, json={"version": 1, "trunk_height": 0.42})
@@ -323,7 +328,7 @@ def test_a_height_of_the_trunk_told_afterwards_is_computed_with_and_put_back(
 def test_a_replay_moves_along_its_time_line(
     client: TestClient, patient: int, packed: bytes
 ) -> None:
-    result = finished(client, upload(client, patient, packed).json()["result"])
+    result = finished(client, upload(client, patient, packed, method="m2").json()["result"])
     station = client.post(f"/api/results/{result['id']}/replay").json()["station"]
     assert (
         client.post(f"/api/results/{result['id']}/replay").json()["station"] != station

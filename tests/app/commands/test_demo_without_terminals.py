@@ -70,6 +70,7 @@ def eventually(condition: Callable[[], Any]) -> Any:
     return value
 
 
+@pytest.mark.slow
 def test_a_session_is_recorded_and_assessed_without_pseudo_terminals(
     demo: tuple[requests.Session, str], tmp_path: Path
 ) -> None:

@@ -44,6 +44,7 @@ def calibrate(station: Station) -> None:
     station.act("accept")
 
 
+@pytest.mark.slow
 def test_a_glove_of_hand_and_forearm_measures_the_wrist(
     station_at: Callable[[str], Station], tmp_path: Path
 ) -> None:

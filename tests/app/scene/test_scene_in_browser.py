@@ -23,6 +23,7 @@ from tests.browser import UNDRAWN
 pytestmark = pytest.mark.browser
 SIZES = {"wide": (1440, 900), "small": (1024, 768), "narrow": (420, 700)}
 QUICK = (640, 480)  # without a graphics card a larger picture takes seconds
+DROPPED = "counted.drop = true;"
 Mask = Bools
 DRAWN = "(pictures) => new Promise((done) => { const next = () => (pictures-- ? requestAnimationFrame(next) : done()); next(); })"
 
@@ -41,20 +42,34 @@ def asked() -> Asked:
 
 
 @pytest.fixture(scope="module")
-def page(browser: Browser, served: Site, asked: Asked) -> Iterator[Page]:
-    """One page on the left hand's scene for all tests that need no page of their own: each costs seconds until its light is there."""
+def undrawn(browser: Browser, served: Site, asked: Asked) -> Iterator[Page]:
+    """A page on the left hand's scene, where what is to be drawn is counted and dropped."""
     before = len(served.sockets)
-    one = opened(browser, served, hear=asked.addresses.append)
-    settled(one, hand_like)
+    one = opened(browser, served, asked.addresses.append, COUNTED + DROPPED + SELDOM)
     asked.sockets += served.sockets[before:]
     yield one
     one.context.close()
 
 
+@pytest.fixture(scope="module")
+def drawn(browser: Browser, served: Site) -> Iterator[Page]:
+    """One page for all tests that look at what is drawn and need no page of their own: each costs seconds until its light is there."""
+    one = opened(browser, served)
+    settled(one, hand_like)
+    yield one
+    one.context.close()
+
+
+@pytest.fixture
+def page(drawn: Page) -> Page:
+    """That page, as small as at first."""
+    resized(drawn, QUICK)
+    return drawn
+
+
 @pytest.fixture(autouse=True)
-def plain(page: Page, scene: HandScene, right_scene: HandScene) -> None:
-    """Every test begins with a resting hand, all of it measured, nothing else shown, on a small page."""
-    resized(page, QUICK)
+def plain(scene: HandScene, right_scene: HandScene) -> None:
+    """Every test begins with a resting hand, all of it measured, nothing else shown."""
     for each in (scene, right_scene):
         each.face_ahead()
         each.measured(FINGERS)
@@ -72,12 +87,13 @@ def opened(
     browser: Browser,
     served: Site,
     hear: Callable[[str], None] = lambda url: None,
+    script: str = SELDOM,
 ) -> Page:
     """The page of a scene, logged in, when the hand has come."""
     width, height = QUICK
     context = browser.new_context(viewport={"width": width, "height": height})
     context.add_cookies([{**COOKIE, "url": f"http://{served.host}"}])  # type: ignore[list-item, typeddict-item]
-    context.add_init_script(COUNTED + SELDOM)
+    context.add_init_script(script)
     page = context.new_page()
     page.on("request", lambda request: hear(request.url))
     page.goto(served.address)
@@ -142,13 +158,8 @@ def hand_like(picture: Picture) -> bool:
     )
 
 
-@pytest.mark.parametrize(
-    "sizes",
-    [
-        pytest.param(("wide", "small"), id="wide then small", marks=pytest.mark.slow),
-        pytest.param(("narrow",), id="narrow"),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("sizes", [("wide", "small"), ("narrow",)], ids="-".join)
 def test_a_hand_is_drawn_in_the_middle_at_every_size(
     page: Page, scene: HandScene, sizes: tuple[str, ...], tmp_path: Path
 ) -> None:
@@ -169,9 +180,11 @@ def test_a_hand_is_drawn_in_the_middle_at_every_size(
         seen(page, spread, tmp_path / f"spread-{size}.png")
 
 
-def test_a_picture_of_the_hand_takes_few_calls_and_triangles(page: Page, scene: HandScene) -> None:
+def test_a_picture_of_the_hand_takes_few_calls_and_triangles(
+    undrawn: Page, scene: HandScene
+) -> None:
     """Of a whole hand with its shadow; a tablet's graphics processor has 16 ms for it."""
-    settled(page, hand_like)
+    page = undrawn
     for measured, calls in ((FINGERS, 13), (("thumb", "index"), 14)):
         scene.measured(measured)
         page.evaluate(DRAWN, 3)
@@ -182,17 +195,17 @@ def test_a_picture_of_the_hand_takes_few_calls_and_triangles(page: Page, scene: 
         assert 30_000 < drawn["triangles"] / drawn["rendered"] < 50_000
 
 
-def test_one_light_casts_one_shadow(page: Page) -> None:
+def test_one_light_casts_one_shadow(undrawn: Page) -> None:
     """Each light that does draws the hand again; none would leave the hand flat."""
     casting = """() => {
       const found = [];
       __viserMutable.scene.traverse(one => one.isLight && one.castShadow && found.push(one.shadow.mapSize.width));
       return found;
     }"""
-    assert page.evaluate(casting) == [1024]
+    assert undrawn.evaluate(casting) == [1024]
 
 
-def test_bones_move_the_skin_and_are_not_looked_at_for_the_picture(page: Page) -> None:
+def test_bones_move_the_skin_and_are_not_looked_at_for_the_picture(undrawn: Page) -> None:
     """three.js goes through everything visible twice for a picture: once for its shadow."""
     looked_at = """() => {
       const [all, seen] = [[], []];
@@ -200,12 +213,12 @@ def test_bones_move_the_skin_and_are_not_looked_at_for_the_picture(page: Page) -
       __viserMutable.scene.traverseVisible(one => one.isBone && seen.push(one));
       return [all.length, seen.length];
     }"""
-    placed, looked = page.evaluate(looked_at)
+    placed, looked = undrawn.evaluate(looked_at)
     assert placed > 40 and looked == 0
 
 
 def test_one_page_opens_one_socket_to_us_and_nothing_else(
-    page: Page, asked: Asked, served: Site
+    undrawn: Page, asked: Asked, served: Site
 ) -> None:
     assert asked.sockets == [f"http://{served.host}"]
     elsewhere = [
@@ -216,6 +229,7 @@ def test_one_page_opens_one_socket_to_us_and_nothing_else(
     assert served.address in asked.addresses and elsewhere == []
 
 
+@pytest.mark.slow
 def test_the_thumb_of_a_left_hand_reaches_out_to_the_right(
     page: Page, scene: HandScene, tmp_path: Path
 ) -> None:
@@ -243,6 +257,7 @@ def thumb_side(page: Page, scene: HandScene, keep: Path) -> float:
     return float(columns.max() + columns.min())
 
 
+@pytest.mark.slow
 def test_a_page_that_lost_its_connection_comes_back_with_the_newest_hand(
     page: Page, scene: HandScene, served: Site, tmp_path: Path
 ) -> None:
@@ -288,6 +303,7 @@ def test_a_scene_in_a_frame_connects_again_although_somebody_works_beside_it(
     context.close()
 
 
+@pytest.mark.slow
 def test_the_ghost_comes_in_another_hue_and_goes(
     page: Page, scene: HandScene, tmp_path: Path
 ) -> None:
@@ -319,6 +335,7 @@ def test_one_segment_is_lit_and_no_other(page: Page, scene: HandScene, tmp_path:
     assert where["little_middle"] < where["index_middle"] < where["thumb_distal"]
 
 
+@pytest.mark.slow
 def test_fingers_that_are_not_measured_are_pale(
     page: Page, scene: HandScene, tmp_path: Path
 ) -> None:
@@ -334,6 +351,7 @@ def test_fingers_that_are_not_measured_are_pale(
     )
 
 
+@pytest.mark.slow
 def test_the_hand_turns_as_it_is_turned(page: Page, scene: HandScene, tmp_path: Path) -> None:
     level = view.palm_down("left")
     scene.show(postures.angles_of(task_performance.flat()), level)
@@ -349,6 +367,7 @@ def test_the_hand_turns_as_it_is_turned(page: Page, scene: HandScene, tmp_path: 
     )
 
 
+@pytest.mark.slow
 def test_where_the_hand_has_been_is_a_line_that_comes_and_goes(
     page: Page, scene: HandScene, tmp_path: Path
 ) -> None:
@@ -395,14 +414,14 @@ def test_what_fingertips_push_with_is_an_arrow_and_a_number_each(
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_viser_shows_nothing_of_its_own(page: Page, size: str) -> None:
-    resized(page, SIZES[size])
-    assert page.title() == "Hand"
-    page.wait_for_function(
+def test_viser_shows_nothing_of_its_own(undrawn: Page, size: str) -> None:
+    resized(undrawn, SIZES[size])
+    assert undrawn.title() == "Hand"
+    undrawn.wait_for_function(
         "() => document.querySelector('.mantine-Paper-root, [data-floating-window]') !== null"
     )  # it is there, but hidden
-    assert page.locator("button:visible, input:visible, a:visible").count() == 0
-    assert page.locator("body").inner_text().strip() == ""
+    assert undrawn.locator("button:visible, input:visible, a:visible").count() == 0
+    assert undrawn.locator("body").inner_text().strip() == ""
 
 
 def test_who_is_not_logged_in_gets_no_page(browser: Browser, served: Site) -> None:

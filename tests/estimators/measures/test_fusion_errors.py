@@ -114,7 +114,7 @@ def test_what_is_known_without_a_sensor_on_the_forearm_has_its_error_bars(
         ("as believed", "free"),
         pytest.param("misalignment x 2", "free", marks=pytest.mark.slow),
         pytest.param("as believed", OTHER, marks=pytest.mark.slow),
-        ("misalignment x 2", OTHER),
+        pytest.param("misalignment x 2", OTHER, marks=pytest.mark.slow),
     ],
 )
 def test_error_bars_of_m2_are_as_large_as_its_errors(world: str, experiment: str) -> None:

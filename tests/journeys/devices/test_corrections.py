@@ -23,7 +23,7 @@ from tests.journeys.house import (
     shown,
 )
 
-pytestmark = [pytest.mark.browser, pytest.mark.process]
+pytestmark = [pytest.mark.browser, pytest.mark.process, pytest.mark.slow]
 FAULTS = {  # what is wrong with the glove, what the page says of it, what it offers, and its event
     "sign": (
         ("--task", "rom", "--negate", "index_middle:z"),
@@ -47,7 +47,7 @@ def begin(page: Page, server: Server, port: Path) -> None:
     shown(act(page, "continue"))
 
 
-@pytest.mark.parametrize("fault", ["sign", pytest.param("exchange", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_is_named_and_put_right_in_the_first_step_and_samples_stay_raw(
     page_without_scene: Page, server: Server, tmp_path: Path, fault: str
 ) -> None:

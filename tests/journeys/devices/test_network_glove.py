@@ -14,11 +14,12 @@ from tests.journeys.house import Server, act, api, name_port, new_patient, newes
 pytestmark = [
     pytest.mark.browser,
     pytest.mark.process,
+    pytest.mark.slow,
     pytest.mark.skipif(shutil.which("perl") is None, reason="there is no Perl here"),
 ]
 
 
-@pytest.mark.parametrize("seconds", [5.0, pytest.param(60.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seconds", [5.0, 60.0])
 def test_an_allowed_glove_in_the_network_is_recorded_whole_and_assessed(
     seconds: float, page_without_scene: Page, server: Server
 ) -> None:

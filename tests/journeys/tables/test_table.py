@@ -96,6 +96,7 @@ def test_a_german_table_of_an_unknown_logger_is_mapped_and_assessed(
     assert int(taps) > 15  # the task was typed, not taken from the recording
 
 
+@pytest.mark.slow
 def test_the_map_is_offered_again_and_the_page_speaks_german(
     another_page: Callable[..., Page], server: Server, german: tuple[bytes, dict[str, str]]
 ) -> None:

@@ -33,6 +33,7 @@ def test_the_pose_is_held_palm_down_and_missed_and_then_the_movement_is_the_free
         )
 
 
+@pytest.mark.slow
 def test_what_is_inferred_of_the_pose_helps_people_of_another_simulator(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
