@@ -37,6 +37,7 @@ def test_an_experiment_is_a_task_like_any_other(tmp_path: Path) -> None:
     assert "initial_pose" in {e.trial_type for e in made.events}
 
 
+@pytest.mark.slow
 def test_a_functional_calibration_can_be_recorded_with_sensors_put_on_anyhow(
     tmp_path: Path,
 ) -> None:

@@ -348,6 +348,7 @@ def test_what_the_fingers_tell_thumb_and_wrist_comes_back_to_none_of_them() -> N
         assert (moved.angles[:, JOINT[joint]] != expected.angles[:, JOINT[joint]]).any()
 
 
+@pytest.mark.slow  # test_joint_acceleration.py holds the rule for one joint
 def test_accelerations_hold_the_thumb_where_gyroscopes_drift() -> None:
     """Two and a half minutes without a rest, biases that walk five times as fast as usual; the last half minute of four people."""
 

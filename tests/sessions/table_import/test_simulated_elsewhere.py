@@ -22,6 +22,8 @@ from tests.sessions.table_import.elsewhere import (
 )
 from tests.simulated import DEG, calibrated
 
+pytestmark = pytest.mark.slow  # test_import.py holds the rule with recordings of this simulator
+
 
 @pytest.fixture(scope="module")
 def native(tmp_path_factory: pytest.TempPathFactory) -> Path:
