@@ -1,10 +1,12 @@
 """The arc that is drawn at a joint spans the angle that is measured there; its number says it."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from handscope.app.report.words import SIDES
-from handscope.app.scene.angle_arc import Measured, _lines
+from handscope.app.scene.angle_arc import AGAIN, Measured, _lines
 from handscope.app.scene.drawn_line import directions
 from handscope.app.scene.hand_scene import HandScene
 from handscope.estimators.hand.anatomy import ANGLES, HANDS, JOINT, JOINTS, Hand
@@ -70,12 +72,31 @@ def test_the_line_between_the_tips_has_no_bones_but_at_its_ends(scene: HandScene
     assert not scene._arc._span.visible
 
 
-def test_the_number_is_written_seldom_and_its_last_value_always(scene: HandScene) -> None:
+def test_the_number_is_written_seldom_and_its_last_value_always(
+    scene: HandScene, monkeypatch: pytest.MonkeyPatch
+) -> None:
     scene.measure(Measured("index_pip_flexion"))
-    for degrees in range(20, 64):
+    arc, waiting = scene._arc, list[tuple[float, Callable[[], None]]]()
+    assert arc is not None
+    scene.measure(None)
+    eventually(lambda: arc._has_waited)  # since what was written until now
+    arc._number.text = ""
+    with monkeypatch.context() as held:
+        held.setattr(arc, "_later", lambda s, write: waiting.append((s, write)))
+        scene.show(bent("index_pip", "flexion", 20), None)
+        scene.measure(Measured("index_pip_flexion"))
+        for degrees in range(21, 64):
+            scene.show(bent("index_pip", "flexion", degrees), None)
+        assert arc._number.text == "20°"
+        [(pause, write_again)] = waiting
+        assert pause == AGAIN
+        write_again()
+        assert arc._number.text == "63°" and len(waiting) == 2
+        waiting[1][1]()
+        assert arc._number.text == "63°" and len(waiting) == 2  # nothing new, so none waits
+    for degrees in (30, 31):  # at once, and by the scene's own clock
         scene.show(bent("index_pip", "flexion", degrees), None)
-    assert scene._arc is not None and scene._arc._number.text != "63°"
-    eventually(lambda: scene._arc is not None and scene._arc._number.text == "63°")
+    eventually(lambda: arc._number.text == "31°")
     scene.measure(None)
 
 
