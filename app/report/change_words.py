@@ -10,7 +10,7 @@ from handscope.app.report.changes import Change, Changes
 from handscope.app.report.content import Task
 from handscope.app.report.progress.labels import label
 from handscope.app.report.sections.range_rows import RangeRow
-from handscope.app.report.units import DEG, directed, with_unit
+from handscope.app.report.units import DEG, PACE, directed, directions_of, with_unit
 from handscope.app.report.words import (
     ROTATION,
     SIDES,
@@ -27,7 +27,6 @@ ENDS: tuple[tuple[End, int], ...] = (
     ("largest", 1),
 )  # and the direction in which it is more
 MORE, LEVEL = ("more", "less"), ("higher", "lower")
-PACE = ("faster", "slower")  # of fatigue: the first intervals less the last
 LISTED = 10  # changes within the MDC at most that the print lists; of more it tells how many, so that a report stays a page
 NAMED = 4  # changes that are not judged at most that the print names
 DECIMALS = {"deg": 0, "deg/s": 0, "per s": 2, "s": 3, "%": 1, "mm": 1, "mm/s": 0, "": 1}
@@ -246,8 +245,8 @@ def _which(
     size, nothing = (_size(v, c, language) for v in (abs(c.value), 0.0))
     if size == nothing:
         return language.say("change.none"), True
-    which = PACE if "_fatigue" in c.name else more
-    return language.say(f"change.{which[0] if sign * c.value > 0 else which[1]}", size=size), False
+    above, below = PACE[::-1] if directions_of(c.name) == PACE else more
+    return language.say(f"change.{above if sign * c.value > 0 else below}", size=size), False
 
 
 def _size(value: float, c: Change, language: Language) -> str:

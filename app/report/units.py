@@ -21,8 +21,9 @@ READABLE = {
 }
 SHARES = ("_cv", "_ratio", "_share")  # figures of unit 1 that are read in percent
 
-DIRECTIONS = {  # of figures that are changes themselves; fatigue is the first intervals less the last
-    "_fatigue": ("slower", "faster"),
+PACE = ("slower", "faster")  # of fatigue: the first intervals less the last
+DIRECTIONS = {  # of figures that are changes themselves
+    "_fatigue": PACE,
     "_interval_slope": ("shorter", "longer"),
     "_decrement_": ("smaller", "larger"),
 }
