@@ -18,6 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from handscope.app.language import Language
 from handscope.app.report.content import Curve
@@ -243,6 +244,7 @@ def _distance(ax: Axes, tapping: Tapping, language: Language) -> None:
         clip_on=False,
     )
     ax.set(xlim=(0, tapping.t[-1] - start), ylim=(0, None))
+    number_axis(ax.xaxis, language)
     named(ax, language.say("tapping.distance"))
 
 
@@ -254,6 +256,7 @@ def _amplitudes(ax: Axes, tapping: Tapping, language: Language) -> None:
         slope, level = np.polyfit(number, 1e3 * tapping.amplitudes, 1)
         ax.plot(number[[0, -1]], level + slope * number[[0, -1]], lw=0.9, color=INK, ls=(0, (5, 2)))
     ax.set(xlim=(0.2, max(tapping.count, 1) + 0.8), ylim=(0, None))
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     named(ax, language.say("tapping.amplitudes"))
 
 

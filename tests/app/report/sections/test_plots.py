@@ -157,6 +157,17 @@ def test_each_tap_and_each_closing_is_marked() -> None:
     ]  # the two names of the axes are numbers without a mark
 
 
+@pytest.mark.parametrize("taps", [9, 21])
+def test_taps_are_counted_in_whole_numbers_and_seconds_have_the_readers_decimal_point(
+    taps: int,
+) -> None:
+    svg = plots.tapping_chart(trial(np.full(taps, 0.06)), 340.0, 118.0, languages()["fr"])
+    distance, amplitudes = svg.split("Distance en mm")
+    numbers = [re.findall(r">(\d[\d.,]*)</text>", part) for part in (distance, amplitudes)]
+    assert all(len(each) > 2 for each in numbers)
+    assert "." not in "".join(numbers[0]) and not re.search("[.,]", "".join(numbers[1]))
+
+
 def test_the_regression_line_follows_the_amplitudes() -> None:
     falling, flat = (
         pixels(plots.tapping_chart(trial(a), 340.0, 118.0, ENGLISH))
