@@ -13,8 +13,8 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
 PALM = 0.834  # every hand is drawn with a palm this long, an adult's in decimetres: a child's hand fills the view alike
-CAMERA = np.array([0.0, -3.15, 4.55])
-LOOK_AT = np.array([0.0, 0.46, 0.30])
+CAMERA = np.array([0.0, -3.28, 4.44])
+LOOK_AT = np.array([0.0, 0.33, 0.19])
 FIELD_OF_VIEW = np.radians(28.0)
 NARROW = 0.23  # tangent of half the horizontal field of view that a spread hand needs
 NARROW_PAIR = 0.44  # the same for two hands beside each other

@@ -27,6 +27,7 @@ TOWARDS: Mapping[Side, tuple[float, float, float]] = {  # dorsal, distal, ulnar
     "palm": (-1.0, 0.22, 0.0),
 }
 FILLED = 2 / 3  # of the picture's width or height
+RAISED = 0.06  # of its height, the hand over the middle: cuff and buttons are below it
 STEEPEST = np.radians(78.0)  # elevation; beyond that the picture would turn about its middle
 BENT = np.radians(5.0)  # of the wrist
 FLESH = 0.09  # scene units round the bones
@@ -57,7 +58,7 @@ def direction(side: Side, hand: Hand, q_DH: Array) -> Array:
 
 
 def frame(towards: Array, points: Array, fov: float, aspect: float) -> Camera:
-    """The camera in the direction `towards` (3,) in which points (n, 3) fill FILLED of a picture.
+    """The camera in the direction `towards` (3,) in which points (n, 3) fill FILLED of a picture, RAISED over its middle.
 
     `fov` is the vertical field of view (rad), `aspect` the picture's width by its height.
     """
@@ -72,6 +73,7 @@ def frame(towards: Array, points: Array, fov: float, aspect: float) -> Camera:
         np.maximum((np.abs(across) + FLESH) / (tangent * aspect), (np.abs(up) + FLESH) / tangent)
         + near
     )
+    middle[1] -= RAISED * 2 * distance * np.tan(0.5 * fov)
     look_at = middle @ axes
     return Camera(look_at + distance * axes[2], look_at)
 
