@@ -74,6 +74,14 @@ def test_french_punctuation_has_its_no_break_spaces() -> None:
     assert [text for text in words if re.search(r" [:;?!%»](?=[\s.,)]|$)|«(?!\u00a0)", text)] == []
 
 
+@pytest.mark.parametrize("language", ["en", "de"])
+def test_an_ellipsis_and_a_percent_sign_stay_on_the_line_of_what_is_before_them(
+    language: str,
+) -> None:
+    text = files("handscope.app.language").joinpath(f"{language}.json").read_text("utf-8")
+    assert re.findall(r".{12} …|\d %", text) == []
+
+
 def test_none_is_singular_in_french() -> None:
     said = [FRENCH.counted("trust.figures", count) for count in (0, 1, 2)]
     assert said == ["0 valeur", "1 valeur", "2 valeurs"]

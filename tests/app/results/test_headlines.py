@@ -36,7 +36,7 @@ def test_a_tile_names_the_other_hands_session_the_norm_and_the_change() -> None:
     (tile,) = task["tiles"]
     assert (task["title"], tile["value"]) == ("Finger tapping", "2.50 per s")
     assert tile["against"][0] == "Right hand, 24 November 2026, 10:12 UTC: 3.00 per s"
-    assert tile["against"][1].startswith("Others measured: 3.57 ± 0.87")
+    assert tile["against"][1].startswith("Reference value: 3.57 ± 0.87")
     assert (tile["change"], tile["beyond"]) == ("0.40 per s higher, within MDC", False)
     assert (tile["wanted"], tile["verdict"]) == ("more", "")
 
