@@ -8,6 +8,7 @@ import { segmentWords } from "../words/clinical.js";
 import { known, t } from "../words/words.js";
 
 const ELSEWHERE = ["choose", "group"]; // the list of tasks has these
+const ANEW = ["calibrate", "free", "recalibrate"]; // folded where a task is chosen, whose list is below
 const ASKED = ["skip", "unable", "without", "finish", "enough"]; // actions that may ask something back first
 
 const SCORED = ["accept", "again", "onward", "close"]; // the clinician's own score goes with these
@@ -20,7 +21,7 @@ export function mount(root, api, { station, given }) {
   let asking = null; // the state in which a question stands; it stays while that state lasts
   let closeQuestion = () => {};
   const draw = whenChanged(
-    ({ wizard, glove, self_calibration }) => [
+    ({ wizard, glove, self_calibration, calibration }) => [
       wizard.state,
       wizard.actions,
       next(wizard),
@@ -32,25 +33,30 @@ export function mount(root, api, { station, given }) {
       wizard.mend,
       wizard.passive,
       self_calibration?.enough,
+      calibration?.source,
     ],
     buttons,
   );
 
   function buttons([state, allowed]) {
-    const { wizard } = station.latest;
+    const { wizard, calibration } = station.latest;
     if (asking === state) return;
     const held = actions.contains(document.activeElement) || (owed && document.activeElement === document.body);
     closeQuestion();
     box.clear();
     const primary = leading(station.latest);
-    const shown = [...allowed].filter((act) => !ELSEWHERE.includes(act)).sort((a, b) => Number(b === primary) - Number(a === primary));
-    const drawn = shown.map((act) =>
-      button(act, label(station.latest, act), act === primary || (state === "tasks" && act === "finish" && !next(wizard)), () => wish(act)),
-    );
+    const folds = state === "tasks" && calibration?.source !== "none";
+    const folded = allowed.filter((act) => folds && ANEW.includes(act) && act !== primary);
+    const apart = [...ELSEWHERE, ...folded];
+    const shown = allowed.filter((act) => !apart.includes(act)).sort((a, b) => Number(b === primary) - Number(a === primary));
+    const one = (act) =>
+      button(act, label(station.latest, act), act === primary || (state === "tasks" && act === "finish" && !next(wizard)), () => wish(act));
+    const drawn = shown.map(one);
     if (state === "tasks" && allowed.includes("choose") && next(wizard))
       drawn.unshift(
         button("choose", nextWords(next(wizard)), true, () => station.act("choose", { task: next(wizard).name })),
       );
+    if (folded.length) drawn.push(h("details", {}, h("summary", {}, t("act.anew")), h("div", { class: "buttons-tall" }, folded.map(one))));
     if (state === "connect" && !allowed.includes("continue") && !station.latest.glove.problem)
       drawn.push(h("p", { class: "soft" }, t("wizard.waiting")));
     actions.replaceChildren(...drawn);
