@@ -131,7 +131,7 @@ function yRange(wanted, low, high) {
     const air = 0.08 * Math.max(most - least, 1e-3);
     return [least - air, most + air];
   }
-  const air = Math.max(wanted.air ?? 2, 0.08 * (high - low), 1e-6);
+  const air = Math.max(wanted.air ?? 2, 0.08 * (Math.max(high, 0) - Math.min(low, 0)), 1e-6);
   return [low < 0 ? low - air : 0, high > 0 ? high + air : 0];
 }
 

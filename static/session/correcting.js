@@ -71,7 +71,7 @@ export function mount(root, api, { result, trial, send }) {
   /** What will not count is veiled. */
   function veil(drawn) {
     const { ctx, bbox } = drawn;
-    const at = (moment) => Math.min(Math.max(drawn.valToPos(moment, "x", true), bbox.left), bbox.left + bbox.width);
+    const at = (moment) => Math.min(Math.max(drawn.valToPos(moment - trial.onset, "x", true), bbox.left), bbox.left + bbox.width);
     const [from, to] = chosen().map(at);
     const whole = [bbox.left, bbox.left + bbox.width];
     const parts = { exclude: [whole], leave_out: [[from, to]], move: [[whole[0], from], [to, whole[1]]] }[kind()]; // prettier-ignore
@@ -96,11 +96,11 @@ export function mount(root, api, { result, trial, send }) {
         label: t("correct.curve", { what: shown.map(curveWords).join(", ") }),
         lines: LINES.slice(0, shown.length),
         words: (value) => valueWords(shown[0], value),
-        xWords: (moment) => `${(moment - trial.onset).toFixed(0)} s`,
+        xWords: (seconds) => t("correct.seconds", { seconds }),
         axis: 96,
         drawn: veil,
       });
-      plot.set([payload.t, ...shown.map((one) => payload.curves[one])]);
+      plot.set([payload.t.map((moment) => moment - trial.onset), ...shown.map((one) => payload.curves[one])]);
     } catch (error) {
       if (mine === asked) box.show(error);
     }

@@ -93,6 +93,7 @@ function figures({ figures: rows, fingers }) {
 function drawCurves(root, { t: times, curves, curve, marks, onset }) {
   const place = h("div", {});
   const every = curves.map(({ what }) => what);
+  const within = (moment) => moment - onset; // so that seconds with a tick are whole
   root.append(
     h("h3", {}, curveWords(curve)),
     h("div", { class: "plot-box" }, place),
@@ -102,12 +103,12 @@ function drawCurves(root, { t: times, curves, curve, marks, onset }) {
     label: t("trial.curve", { curve: curveWords(curve) }),
     lines: every.map((_, k) => LINES[k % LINES.length]),
     words: (value) => valueWords(curve, value),
-    xWords: (at) => t("trial.seconds", { at: Math.round(at - onset) }),
+    xWords: (at) => t("trial.seconds", { at }),
     axis: 120,
     widens: true,
-    under: (drawn) => drawMarks(drawn, marks),
+    under: (drawn) => drawMarks(drawn, marks.map(within)),
   });
-  plot.set([times, ...curves.map(({ values }) => values)]);
+  plot.set([times.map(within), ...curves.map(({ values }) => values)]);
   return plot;
 }
 
