@@ -26,8 +26,7 @@ export function drawTreatment(root, api, { patient, events, treats, reload }) {
     return h(
       "li",
       { value: number },
-      h("span", {}, h("strong", {}, named), event.comment && ` ${event.comment}`),
-      treats && remove,
+      h("div", {}, h("span", {}, h("strong", {}, named), event.comment && ` ${event.comment}`), treats && remove),
     );
   }
 

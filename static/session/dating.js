@@ -20,7 +20,7 @@ export function mount(root, api, { record, draft }) {
     field(t("dating.why"), why, t("dating.why.hint")),
     h("div", { class: "buttons" }, h("button", { class: "primary", type: "submit" }, t("dating.send"))),
   );
-  const details = h("details", { open: dating.open }, h("summary", {}, t("dating.correct")), form);
+  const details = h("details", { open: dating.open }, h("summary", {}, h("h2", {}, t("dating.correct"))), form);
   root.append(note, details, box.element);
   dating.held?.focus();
   const draw = whenChanged(({ started, recorded_as, date_reason, state }) => ({ started, recorded_as, date_reason, state }), show);

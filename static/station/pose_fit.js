@@ -18,7 +18,8 @@ export function mount(root, api, { station }) {
 }
 
 function line(fit) {
-  const words = h("span", { class: `badge ${COLOUR[fit.grade]}` }, fit.grade === "good" ? [icon("check"), t("fit.good")] : offWords(fit));
+  const fits = [icon("check"), h("span", {}, t("fit.good"))];
+  const words = h("span", { class: `badge ${COLOUR[fit.grade]}` }, fit.grade === "good" ? fits : offWords(fit));
   return h("div", { "data-part": fit.part, "data-grade": fit.grade }, h("dt", {}, t(`part.${fit.part}`)), h("dd", {}, words));
 }
 
