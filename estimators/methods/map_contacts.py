@@ -2,7 +2,8 @@
 
 In      the movement as it was found, its calibration and fingers; what was held together
 Out     the fingers and the hand's geometry corrected, with smaller standard deviations, and what became of each contact
-Source  data/contact_constraint.py, as `ekf` has it; a linear Gaussian step with the covariance of all that movement leaves open, correlations kept
+Source  data/contact_constraint.py, as `ekf` has it; a linear Gaussian step with the covariance of all that movement leaves open, correlations kept;
+        draws follow the covariance as an ensemble transform: Bishop et al. 2001
 Limits  what movement shows (axes, other lengths, the joints' course) stays as it was found; outside the stretch of self-calibration tracking errs by option `tracked` more
 """
 
@@ -46,6 +47,7 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.tail_probabilities import chi2_sf
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration.result import Finger
+from handscope.estimators.self_calibration.uncertainty import monte_carlo
 
 EACH = 7  # errors of a finger: its last sensor about z, its root, its bones' shares
 COUNT = 3 + EACH * len(FINGERS)  # those of the hand's sensor first
@@ -103,8 +105,10 @@ def apply(
             if likely:
                 errors, P = errors + gain @ r, P - gain @ H @ P
         outcomes.append(outcome)
-    corrected = [_correct_finger(f, errors, before - P, calibration.geometry) for f in fingers]
-    return Found(corrected, _resize(calibration.geometry, errors), tuple(outcomes))
+    geometry = _resize(calibration.geometry, errors)
+    changes = _draw_changes(params, before, P)
+    corrected = [_correct_finger(f, errors, changes, geometry) for f in fingers]
+    return Found(corrected, geometry, tuple(outcomes))
 
 
 def _of(finger: str) -> slice:
@@ -221,11 +225,34 @@ def _place(
     return np.asarray(root + quat.rotate(q_HB, bones).sum(axis=0))
 
 
-def _correct_finger(finger: Finger, errors: Array, gained: Array, geometry: HandGeometry) -> Finger:
-    """A finger whose sensors sit as the contacts tell, with what its standard deviations lose by it."""
-    own = errors[_of(finger.name)] if finger.name in CHAINS else np.zeros(EACH)
-    last = CHAINS[finger.name][-1] if finger.name in CHAINS else ""
-    turns = {"hand": errors[:3], last: own[0] * Z}
+def _draw_changes(params: Params, before: Array, after: Array) -> Array:
+    """By how much the draws' errors (DRAWS, COUNT) of what movement leaves open change, as the covariance does; where fingers hang was not drawn."""
+    numbers, sd = np.zeros((monte_carlo.DRAWS, COUNT)), np.zeros(COUNT)
+    mountings = monte_carlo.mounting_numbers()
+    numbers[:, :3], sd[:3] = mountings[:, SEGMENT["hand"]], np.radians(params.mounting)
+    for finger, chain in CHAINS.items():
+        turn, length = _of(finger).start, _of(finger).stop - 1
+        numbers[:, turn] = mountings[:, SEGMENT[chain[-1]], 2]
+        numbers[:, length] = monte_carlo.length_numbers()
+        sd[turn], sd[length] = np.radians(params.mounting), params.length_guess
+    drawn = np.flatnonzero((sd > 0) & (np.diag(before) > 0))
+    scale = np.sqrt(np.diag(before)[drawn])
+    left, axes = np.linalg.eigh(after[np.ix_(drawn, drawn)] / np.outer(scale, scale))
+    root = (axes * np.sqrt(np.maximum(left, 0.0))) @ axes.T
+    changes = np.zeros(numbers.shape)
+    changes[:, drawn] = sd[drawn] * (numbers[:, drawn] @ root - numbers[:, drawn])
+    return changes
+
+
+def _correct_finger(
+    finger: Finger, errors: Array, changes: Array, geometry: HandGeometry
+) -> Finger:
+    """A finger, or the forearm, whose sensors sit as the contacts tell, with the draws as far off as contacts leave them."""
+    is_finger = finger.name in CHAINS
+    columns = [0, 1, 2, *(range(COUNT)[_of(finger.name)] if is_finger else ())]
+    own = errors[columns]
+    last = CHAINS[finger.name][-1] if is_finger else ""
+    turns = {"hand": own[:3], **({last: own[3] * Z} if is_finger else {})}
     found = finger.segments
     q_BS = {
         s: quat.multiply(quat.exp(turns[s]), q) if s in turns else q for s, q in found.q_BS.items()
@@ -236,59 +263,46 @@ def _correct_finger(finger: Finger, errors: Array, gained: Array, geometry: Hand
     p_BS = {
         s: quat.rotate(quat.exp(turns[s]), p) if s in turns else p for s, p in found.p_BS.items()
     }
-    segments = replace(found, q_BS=q_BS, q_GB=q_GB, p_BS=p_BS)
-    if finger.name not in CHAINS:
-        return replace(finger, segments=segments)
-    columns = [0, 1, 2, *range(_of(finger.name).start, _of(finger.name).stop)]
-    less = gained[np.ix_(columns, columns)]
-    by_angles, by_tip = _output_slopes(q_GB, finger, geometry)
+    change = changes[:, columns]
+    turned = {"hand": change[:, :3], **({last: change[:, 3:4] * Z} if is_finger else {})}
     sure = finger.sure
+    by_angles, by_tip = _output_slopes(q_GB, finger, geometry)
     return replace(
         finger,
-        segments=segments,
+        segments=replace(found, q_BS=q_BS, q_GB=q_GB, p_BS=p_BS),
         sure=replace(
             sure,
-            q_BS=_reduced_mountings(sure.q_BS, last, less),
-            angles=_reduce_sd(sure.angles, by_angles, less),
-            tip=_reduce_sd(sure.tip, by_tip, less),
+            q_BS_errors={s: e + turned.get(s, 0.0) for s, e in sure.q_BS_errors.items()},
+            angle_errors=sure.angle_errors + np.einsum("majk,dk->dmaj", by_angles, change),
+            tip_errors=sure.tip_errors + np.einsum("mak,dk->dma", by_tip, change),
         ),
     )
-
-
-def _reduced_mountings(sd: Mapping[str, Array], last: str, less: Array) -> dict[str, Array]:
-    variances = {"hand": np.diag(less)[:3], last: np.array([0.0, 0.0, less[3, 3]])}
-    return {
-        s: np.sqrt(np.maximum(v**2 - variances.get(s, 0.0), (0.1 * v) ** 2)) for s, v in sd.items()
-    }
-
-
-def _reduce_sd(sd: Array, slopes: Array, less: Array) -> Array:
-    """Standard deviations less a variance; a tenth of them is left at least."""
-    variance = np.einsum("...k,kl,...l->...", slopes, less, slopes)
-    return np.asarray(np.sqrt(np.maximum(sd**2 - variance, (0.1 * sd) ** 2)))
 
 
 def _output_slopes(
     q_GB: Mapping[str, Array], finger: Finger, geometry: HandGeometry
 ) -> tuple[Array, Array]:
-    """Derivatives of angles (m, joints, 3, 10) and of the tip (m, 3, 10) by the hand's and the finger's errors."""
-    rows, last = finger.sure.rows, CHAINS[finger.name][-1]
+    """Derivatives of angles (m, joints, 3, n) and of the tip (m, 3, n) by the hand's and the finger's errors; the forearm has no tip."""
+    rows, chain = finger.sure.rows, CHAINS.get(finger.name, ())
 
     def outputs(e: Array) -> tuple[Array, Array]:
         q_GS = np.full((len(rows), len(SEGMENTS), 4), np.nan)
         for name, q in q_GB.items():
             q_GS[:, SEGMENT[name]] = q[rows]
         q_GS[:, SEGMENT["hand"]] = quat.multiply(q_GS[:, SEGMENT["hand"]], quat.exp(-e[:3]))
-        q_GS[:, SEGMENT[last]] = quat.multiply(q_GS[:, SEGMENT[last]], quat.exp(-e[3] * Z))
+        if not chain:
+            return joint_angles.of_segments(q_GS), np.full((len(rows), 3), np.nan)
+        last = SEGMENT[chain[-1]]
+        q_GS[:, last] = quat.multiply(q_GS[:, last], quat.exp(-e[3] * Z))
         angles = np.where(IS_DOF, joint_angles.of_segments(q_GS), 0.0)
         every = np.zeros(COUNT)
         every[_of(finger.name)] = e[3:]
-        hand = _resize(geometry, every)
-        tips = forward_kinematics.tips(joint_angles.compose(angles), hand)
+        tips = forward_kinematics.tips(joint_angles.compose(angles), _resize(geometry, every))
         return angles, tips[:, FINGERS.index(finger.name)]
 
-    at = outputs(np.zeros(3 + EACH))
-    moved = [outputs(e) for e in STEP * np.eye(3 + EACH)]
+    count = 3 + (EACH if chain else 0)
+    at = outputs(np.zeros(count))
+    moved = [outputs(e) for e in STEP * np.eye(count)]
     by_angles, by_tip = (np.stack([(m[k] - at[k]) / STEP for m in moved], axis=-1) for k in (0, 1))
     by_tip[..., 4:7] = 0.0  # roots are counted where tips are put on the wrist
     return np.nan_to_num(by_angles), np.nan_to_num(by_tip)

@@ -1,13 +1,14 @@
 """Uncertainty of mountings, places and movement of one finger, or of the forearm, by Monte-Carlo draws from the posterior.
 
 In      a Solution of one finger, DRAWS places as probable as it (of the finger alone, or of the whole hand)
-Out     Uncertainty: standard deviations of mountings, places, angles and tip
+Out     Uncertainty: errors of mountings, places, angles and tip of each draw, with their standard deviations
 Source  draws from the Gauss-Newton covariance (posterior.py); the unobservable part of a mounting is as uncertain as nominal mountings are, and
         so is at what angle of a joint skin is not pulled
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -29,13 +30,28 @@ SEATED = 1 << 15  # where the numbers for the mountings' draws begin
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Standard deviations."""
+    """Errors of the draws against what was found, and standard deviations."""
 
-    q_BS: Mapping[str, Array]  # (3,) rad about the segment's axes
-    p_BS: Mapping[str, Array]  # (3,) m
+    q_BS_errors: Mapping[str, Array]  # (DRAWS, 3) rad about the segment's axes
+    p_BS: Mapping[str, Array]  # (3,) m, standard deviations
     rows: Array  # (m,) samples of the stretch to which the next belong
-    angles: Array  # (m, joints, 3) rad; NaN where it is no joint of this finger
-    tip: Array  # (m, 3) m; NaN of the forearm
+    angle_errors: Array  # (DRAWS, m, joints, 3) rad; NaN where it is no joint of this finger
+    tip_errors: Array  # (DRAWS, m, 3) m; NaN of the forearm
+
+    @cached_property
+    def q_BS(self) -> Mapping[str, Array]:
+        """Standard deviations (3,) rad."""
+        return {s: _root_mean_square(errors) for s, errors in self.q_BS_errors.items()}
+
+    @cached_property
+    def angles(self) -> Array:
+        """Standard deviations (m, joints, 3) rad."""
+        return _root_mean_square(self.angle_errors)
+
+    @cached_property
+    def tip(self) -> Array:
+        """Standard deviations (m, 3) m."""
+        return _root_mean_square(self.tip_errors)
 
 
 def estimate_uncertainty(
@@ -55,21 +71,29 @@ def estimate_uncertainty(
     others = list(_draw_segments(best, draws, rows, hand, mounting, mounting_sd))
     angles, tip = _angles_and_tip(solved, sized(solved, 0.0))
     outputs = [
-        _angles_and_tip(other, sized(other, luck))
-        for other, luck in zip(others, posterior.normal_numbers(DRAWS, SEATED - 1))
+        _angles_and_tip(other, sized(other, luck)) for other, luck in zip(others, length_numbers())
     ]
     return Uncertainty(
         {
-            s: _root_mean_square(
-                [quat.log(quat.multiply(o.q_BS[s], quat.conjugate(q))) for o in others]
-            )
+            s: np.array([quat.log(quat.multiply(o.q_BS[s], quat.conjugate(q))) for o in others])
             for s, q in solved.q_BS.items()
         },
         {s: _root_mean_square([o.p_BS[s] - p for o in others]) for s, p in solved.p_BS.items()},
         rows,
-        _root_mean_square([a - angles for a, _ in outputs]),
-        _root_mean_square([t - tip for _, t in outputs]),
+        np.array([a - angles for a, _ in outputs]),
+        np.array([t - tip for _, t in outputs]),
     )
+
+
+def mounting_numbers() -> Array:
+    """Errors of the draws' nominal mountings (DRAWS, segments, 3) about the segments' axes, in standard deviations: the same for all fingers."""
+    numbers = [posterior.normal_numbers(3 * len(SEGMENTS), SEATED + k) for k in range(DRAWS)]
+    return np.array(numbers).reshape(DRAWS, len(SEGMENTS), 3)
+
+
+def length_numbers() -> Array:
+    """Errors of the draws' lengths that no movement determines (DRAWS,), in standard deviations."""
+    return posterior.normal_numbers(DRAWS, SEATED - 1)
 
 
 def _draw_segments(
@@ -81,8 +105,7 @@ def _draw_segments(
     mounting_sd: float,
 ) -> Sequence[Segments]:
     others = []
-    for k, at in enumerate(draws):
-        turns = mounting_sd * posterior.normal_numbers(3 * len(SEGMENTS), SEATED + k).reshape(-1, 3)
+    for at, turns in zip(draws, mounting_sd * mounting_numbers()):
         seated = {
             s: quat.multiply(quat.exp(turn), np.asarray(mounting.get(s, quat.IDENTITY), float))
             for s, turn in zip(SEGMENTS, turns)
@@ -147,5 +170,5 @@ def _angles_and_tip(solved: Segments, geometry: HandGeometry) -> tuple[Array, Ar
     return angles, forward_kinematics.tips(joint_angles.compose(angles), geometry)[:, fingers[0]]
 
 
-def _root_mean_square(off: Sequence[Array]) -> Array:
+def _root_mean_square(off: Sequence[Array] | Array) -> Array:
     return np.asarray(np.sqrt(np.mean(np.square(off), axis=0)))

@@ -11,7 +11,14 @@ from handscope.estimators.alignment import initial_pose
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.held_contact import held_contacts
 from handscope.estimators.data.trajectory import Trajectory
-from handscope.estimators.hand.anatomy import CHAINS, FINGERS, IS_DOF, JOINT, SEGMENT
+from handscope.estimators.hand import joint_angles
+from handscope.estimators.hand.anatomy import (
+    CHAINS,
+    FINGERS,
+    JOINT,
+    SEGMENT,
+    SEGMENTS,
+)
 from handscope.estimators.hand.geometry import HandGeometry, sized
 from handscope.estimators.methods import map_contacts
 from handscope.estimators.methods.map_options import Params
@@ -19,6 +26,7 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration.result import Finger
 from handscope.estimators.self_calibration.segments import Segments
+from handscope.estimators.self_calibration.uncertainty import monte_carlo
 from handscope.estimators.self_calibration.uncertainty.monte_carlo import Uncertainty
 from handscope.estimators.simulation.movements import (
     task_performance,
@@ -39,14 +47,23 @@ MISSED: Mapping[str, Touch] = {
     "fingertips": partial(touched_fingertips.touch_fingertips, missed=0.06),
     "palm": partial(touched_surfaces.fingertips_on_palm, missed=0.06),
 }
+INEXACT: tuple[Touch, ...] = (
+    touched_fingertips.touch_fingertips,
+    touched_surfaces.fingertips_on_table,
+    touched_surfaces.fingertips_on_palm,
+)
+EXACTLY: Mapping[str, Array] = {}
 PARAMS = Params()
 SD = np.radians(PARAMS.mounting)
 
 
 @cache
-def recorded(touch: Touch) -> Simulated:
+def recorded(*touches: Touch) -> Simulated:
     geometry = sized("left")
-    performances = (touch(geometry, np.random.default_rng(3)), task_performance.tapping(geometry))
+    performances = (
+        *(touch(geometry, np.random.default_rng(3)) for touch in touches),
+        task_performance.tapping(geometry),
+    )
     return simulate_performances(performances, "left", geometry, np.random.default_rng(4), IDEAL)
 
 
@@ -62,30 +79,35 @@ def turned(truth: Trajectory, hand: Array, last: Mapping[str, float]) -> Traject
 
 
 def solved(moved: Trajectory) -> list[Finger]:
-    """Fingers as if self-calibration had found this movement."""
+    """Fingers as if self-calibration had found this movement, and knew no more of mountings than what is usual."""
     rows = np.arange(0, len(moved), 50)
-    fingers = []
-    for finger in FINGERS:
-        names = ("hand", *CHAINS[finger])
-        own = [j for j in JOINT if j.startswith(finger)]
-        angles = np.full((len(rows), *IS_DOF.shape), np.nan)
-        angles[:, [JOINT[j] for j in own]] = SD
-        sure = Uncertainty(
-            {n: np.full(3, SD) for n in ("hand", names[-1])},
-            {},
-            rows,
-            angles,
-            np.full((len(rows), 3), 0.01),
-        )
-        segments = Segments(
-            dict.fromkeys(names, quat.IDENTITY),
-            {n: np.zeros(3) for n in names},
-            {},
-            {},
-            {n: moved.q_GS[:, SEGMENT[n]] for n in names},
-        )
-        fingers.append(Finger(finger, moved.t, SimpleNamespace(), segments, sure))  # type: ignore[arg-type]
-    return fingers
+    return [
+        Finger(name, moved.t, SimpleNamespace(), *_described(name, moved, rows))  # type: ignore[arg-type]
+        for name in (*FINGERS, "forearm")
+    ]
+
+
+def _described(name: str, moved: Trajectory, rows: Array) -> tuple[Segments, Uncertainty]:
+    chain = CHAINS.get(name, ("forearm",))
+    turns = SD * monte_carlo.mounting_numbers()
+    q_GB = {n: moved.q_GS[:, SEGMENT[n]] for n in ("hand", *chain)}
+    unknown = {"hand": np.ones(3), chain[-1]: map_contacts.Z if name in CHAINS else np.ones(3)}
+    errors = {n: turns[:, SEGMENT[n]] * axes for n, axes in unknown.items()}
+    best = _angles(q_GB, rows)
+    drawn = [_angles(q_GB, rows, {n: e[k] for n, e in errors.items()}) for k in range(len(turns))]
+    tip = np.tile(0.01 * monte_carlo.length_numbers()[:, None, None], (1, len(rows), 3))
+    segments = Segments(
+        dict.fromkeys(q_GB, quat.IDENTITY), {n: np.zeros(3) for n in q_GB}, {}, {}, q_GB
+    )
+    return segments, Uncertainty(errors, {}, rows, np.array(drawn) - best, tip)
+
+
+def _angles(q_GB: Mapping[str, Array], rows: Array, off: Mapping[str, Array] = EXACTLY) -> Array:
+    """Joint angles (m, joints, 3) where mountings are off by so much."""
+    q_GS = np.full((len(rows), len(SEGMENTS), 4), np.nan)
+    for name, q in q_GB.items():
+        q_GS[:, SEGMENT[name]] = quat.multiply(q[rows], quat.exp(-off.get(name, np.zeros(3))))
+    return joint_angles.of_segments(q_GS)
 
 
 def calibrated(recording: Simulated) -> Calibration:
@@ -95,7 +117,7 @@ def calibrated(recording: Simulated) -> Calibration:
 def off(fingers: list[Finger], truth: Trajectory) -> float:
     """How far phalanges are turned against the hand, rad, root mean square."""
     squares = []
-    for f in fingers:
+    for f in (f for f in fingers if f.name in CHAINS):
         q_GB = f.segments.q_GB
         for name in CHAINS[f.name]:
             believed = quat.relative(q_GB["hand"], q_GB[name])
@@ -113,8 +135,9 @@ def test_contacts_tell_how_the_hands_sensor_sits(kind: str) -> None:
     found = map_contacts.apply(PARAMS, moved, calibrated(recording), before, held)
     assert [o.outcome for o in found.outcomes] == len(held) * ["used"]
     assert off(found.fingers, recording.truth) < 0.8 * off(before, recording.truth)
+    first = {"thumb": "thumb_cmc", "forearm": "wrist"}
     for old, new in zip(before, found.fingers):
-        j = JOINT["thumb_cmc" if new.name == "thumb" else f"{new.name}_mcp"]
+        j = JOINT[first.get(new.name, f"{new.name}_mcp")]
         assert (new.sure.angles[:, j, 0] < old.sure.angles[:, j, 0]).all()
         assert new.sure.q_BS["hand"][2] < old.sure.q_BS["hand"][2]
 
@@ -130,3 +153,20 @@ def test_contacts_that_did_not_happen_pull_nothing(kind: str) -> None:
         np.testing.assert_array_equal(new.segments.q_BS["hand"], old.segments.q_BS["hand"])
         np.testing.assert_allclose(new.sure.angles, old.sure.angles)
     assert found.geometry.lengths == recording.geometry.lengths
+
+
+def test_draws_follow_what_contacts_leave_open() -> None:
+    """24 draws scatter by chance: what contacts tell is a share of their errors, no difference from their standard deviation."""
+    hand, last = slice(0, 3), map_contacts._of("ring").start
+    before = np.diag(np.full(map_contacts.COUNT, SD**2))
+    after = before.copy()
+    after[2, 2], after[last, last] = (0.3 * SD) ** 2, (0.7 * SD) ** 2
+    numbers = monte_carlo.mounting_numbers()
+    was = {
+        "hand": SD * numbers[:, SEGMENT["hand"]],
+        "ring": SD * numbers[:, SEGMENT["ring_distal"], 2],
+    }
+    changes = map_contacts._draw_changes(PARAMS, before, after)
+    np.testing.assert_allclose(was["hand"] + changes[:, hand], was["hand"] * [1.0, 1.0, 0.3])
+    np.testing.assert_allclose(was["ring"] + changes[:, last], 0.7 * was["ring"])
+    assert not map_contacts._draw_changes(PARAMS, before, before).round(12).any()
