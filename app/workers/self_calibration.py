@@ -3,7 +3,6 @@
 The process ends by itself when its parent is gone; one that takes longer than LONGEST is ended.
 """
 
-import contextlib
 import logging
 import threading
 import time
@@ -76,10 +75,6 @@ def _outcome(recording: LoadedRecording, progress: Any) -> tuple[str, Any]:
     from handscope.estimators.methods import BATCH
     from handscope.estimators.pipeline.process import process
 
-    with contextlib.suppress(ImportError):
-        from threadpoolctl import threadpool_limits
-
-        threadpool_limits(1)
     method = BATCH["map"]
     try:
         processed = process(method, method.Params(), recording, progress=progress)

@@ -247,7 +247,12 @@ def _calibrate_limb(
         multi_resolution.thin_unknowns(guess, every),
         Limits(),
         lambda k, cost: _report_progress(progress, min(0.9, k / 25)),
-        sample_preparation.is_free(recording.events, t, read.gyr[::every][: len(t)]),
+        sample_preparation.is_free(
+            held_contacts(recording.events),
+            t,
+            read.gyr[::every][: len(t)],
+            np.radians(params.hand_moving),
+        ),
     )
     if every > 1 and (found.outcome == "not converged" or found.outliers):
         return None

@@ -7,12 +7,12 @@ Source  streams with clocks of their own are brought to the hand's samples by cu
 Limits  sensors' noise is taken to be white, of the same density at every rate: a mean over faster samples is as noisy as one sample at the mean's rate
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from handscope.estimators.data.events import Event
+from handscope.estimators.data.held_contact import HeldContact
 from handscope.estimators.data.samples import ACC, GYR, SATURATION, Block, every, exceeds
 from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.orientation.resampling import fit_times
@@ -26,7 +26,6 @@ LONGEST_GAP = 0.06
 MARGIN = 0.5  # s beside a stretch from which samples are taken
 LINED = 100  # samples by which an even clock is recognised
 FAST = 0.99  # share of the power of angular rates
-AT_REST = np.radians(8.0)  # rad/s, mean of a limb's sensors
 EXCITATION_PERIOD = 1.0  # s over which movement is summed up
 
 
@@ -66,12 +65,11 @@ def prepare_readings(
     )
 
 
-def is_free(events: Iterable[Event], t: Array, gyr: Array) -> Bools:
-    """At which instants t (n,) s of rates gyr (n, S, 3) the limb moves freely: all, but where contacts are held for calibration those only that turn and are not held."""
-    held = [e for e in events if e.trial_type == "contact"]
-    free = np.linalg.norm(gyr, axis=2).mean(axis=1) > AT_REST
-    for event in held:
-        free &= (t < event.onset) | (t > event.end)
+def is_free(held: Sequence[HeldContact], t: Array, gyr: Array, moving: float) -> Bools:
+    """At which instants t (n,) s of rates gyr (n, S, 3) the limb moves freely: all, but where contacts are held for calibration those only that turn, by `moving` rad/s, and are not held."""
+    free = np.linalg.norm(gyr, axis=2).mean(axis=1) > moving
+    for contact in held:
+        free &= (t < contact.onset) | (t > contact.end)
     return free if held and free.any() else np.ones(len(t), bool)
 
 
