@@ -151,15 +151,18 @@ def _linearise(
     last: list[_Factored], problem: HandProblem, at: HandPlace
 ) -> Linearised[HandProblem, HandPlace]:
     last.clear()  # frees the old factor before a new one is made
-    whole = [hand_equations.build_normal_equations(problem, at)]  # until it is factored
+    built = hand_equations.build_normal_equations(problem, at)
+    whole: HandNormal | None = built
+    cost = built.cost
 
     def damped(damping: float) -> HandPlace:
-        if not whole:  # the step before was refused
+        nonlocal whole  # its band goes once it is factored
+        if whole is None:  # the step before was refused
             last.clear()
-            whole.append(hand_equations.build_normal_equations(problem, at))
-        factor = hand_equations.factorise(whole[0], damping)
-        normal = hand_equations.without_band(whole.pop())
-        last[:] = [_Factored(normal.cost, damping, normal, factor)]
+            whole = hand_equations.build_normal_equations(problem, at)
+        factor = hand_equations.factorise(whole, damping)
+        normal, whole = hand_equations.without_band(whole), None
+        last[:] = [_Factored(cost, damping, normal, factor)]
         step = hand_equations.solve_step(normal, factor)
         return whole_hand_problem.apply_hand_increment(at, problem, step.turns, step.parameters)
 
@@ -170,7 +173,7 @@ def _linearise(
             there, other, step.turns, step.parameters
         )
 
-    return Linearised(whole[0].cost, damped, chord)
+    return Linearised(cost, damped, chord)
 
 
 def split_limbs(solution: HandSolution) -> list[Solution]:
