@@ -2,13 +2,14 @@
 
 In      the movement as it was found, its calibration and fingers; what was held together
 Out     the fingers and the hand's geometry corrected, with smaller standard deviations, and what became of each contact
-Source  data/contact_constraint.py, as `ekf` has it; a linear Gaussian step with the covariance of all that movement leaves open, correlations kept;
-        draws follow the covariance as an ensemble transform: Bishop et al. 2001
+Source  data/contact_constraint.py, as `ekf` has it; linear Gaussian steps with the covariance of all that movement leaves open, correlations kept,
+        under each likely answer to which contacts happened (contact_hypotheses.py); draws follow the covariance as an ensemble transform: Bishop et al. 2001
 Limits  what movement shows (axes, other lengths, the joints' course) stays as it was found; outside the stretch of self-calibration tracking errs by option `tracked` more
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -16,7 +17,6 @@ from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.contact_constraint import (
     EARLY,
     LATE,
-    REFUSED,
     STILL,
     Constraint,
     between_two,
@@ -42,9 +42,15 @@ from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand import forward_kinematics, joint_angles, length_covariance
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, IS_DOF, SEGMENT, SEGMENTS
 from handscope.estimators.hand.geometry import HandGeometry, root_joint
+from handscope.estimators.methods.contact_hypotheses import (
+    Answer,
+    Hypothesis,
+    decide,
+    extend,
+    first_hypothesis,
+)
 from handscope.estimators.methods.map_options import Params
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.tail_probabilities import chi2_sf
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration.result import Finger
 from handscope.estimators.self_calibration.uncertainty import monte_carlo
@@ -56,12 +62,13 @@ Z = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
-class _When:
-    """What of the movement a contact is looked at with."""
+class _Look:
+    """A contact, and what of the movement it is looked at with."""
 
-    row: int
+    held: HeldContact
+    places: Sequence[Place]  # that are known
+    rows: tuple[int, int]  # when the hand had come to rest, when it is used
     drift: float  # rad, of tracking
-    times: int  # that the same was used before
 
 
 @dataclass(frozen=True)
@@ -80,35 +87,60 @@ def apply(
     fingers: Sequence[Finger],
     contacts: Sequence[HeldContact],
 ) -> Found:
-    """The contacts one after the other, each linearised at the estimate after those before it."""
-    before = _covariance(params, calibration, fingers)
-    errors, P = np.zeros(COUNT), before
-    outcomes: list[ContactOutcome] = []
-    stretch = max(f.t[0] for f in fingers), min(f.t[-1] for f in fingers)
-    known = {f.name for f in fingers if CHAINS.get(f.name, ("",))[-1] in f.segments.q_BS}
+    """The contacts one after the other, each linearised at the estimates after those before it; which of them happened is decided by all together."""
+    before, reasons = _covariance(params, calibration, fingers), []
+    hypotheses, looked_at = first_hypothesis(before), list[_Look]()
     for held in contacts:
-        places = [p for p in places_of(held) if p[0] == PALM or p[0] in known]
-        rows = [_row(movement, held, share) for share in (EARLY, LATE)]
-        outcome = _reason(movement, held, places, rows)
-        if outcome is None:
-            inside = stretch[0] <= held.onset and held.end <= stretch[1]
-            times = [o.held.contacts for o in outcomes if o.used].count(held.contacts)
-            when = _When(rows[1], 0.0 if inside else np.radians(params.tracked), times)
-            constraint, H = _measurement(
-                params, movement, calibration.geometry, held, places, errors, when
-            )
-            S = constraint.noise + H @ P @ H.T
-            gain = np.linalg.solve(S, H @ P).T
-            r = -constraint.residual
-            likely = chi2_sf(float(r @ np.linalg.solve(S, r)), len(r)) > REFUSED
-            outcome = ContactOutcome(held, "used" if likely else "missed", constraint.missed)
-            if likely:
-                errors, P = errors + gain @ r, P - gain @ H @ P
-        outcomes.append(outcome)
-    geometry = _resize(calibration.geometry, errors)
-    changes = _draw_changes(params, before, P)
-    corrected = [_correct_finger(f, errors, changes, geometry) for f in fingers]
-    return Found(corrected, geometry, tuple(outcomes))
+        look = _look(params, movement, fingers, held)
+        reasons.append(_reason(movement, look))
+        if reasons[-1] is None:
+            measure = partial(_measure, params, movement, calibration.geometry, looked_at, look)
+            hypotheses = extend(hypotheses, measure)
+            looked_at.append(look)
+    best = decide(hypotheses)
+    outcomes = iter([_outcome(look, answer) for look, answer in zip(looked_at, best.answers)])
+    geometry = _resize(calibration.geometry, best.errors)
+    changes = _draw_changes(params, before, best.P)
+    return Found(
+        [_correct_finger(f, best.errors, changes, geometry) for f in fingers],
+        geometry,
+        tuple(reason or next(outcomes) for reason in reasons),
+    )
+
+
+def _look(
+    params: Params, movement: Trajectory, fingers: Sequence[Finger], held: HeldContact
+) -> _Look:
+    known = {f.name for f in fingers if CHAINS.get(f.name, ("",))[-1] in f.segments.q_BS}
+    times = (held.onset + share * (held.end - held.onset) for share in (EARLY, LATE))
+    early, late = (min(int(movement.t.searchsorted(t)), len(movement) - 1) for t in times)
+    start, stop = max(f.t[0] for f in fingers), min(f.t[-1] for f in fingers)
+    inside = start <= held.onset and held.end <= stop
+    places = [p for p in places_of(held) if p[0] == PALM or p[0] in known]
+    return _Look(held, places, (early, late), 0.0 if inside else np.radians(params.tracked))
+
+
+def _measure(
+    params: Params,
+    movement: Trajectory,
+    geometry: HandGeometry,
+    before: Sequence[_Look],
+    look: _Look,
+    hypothesis: Hypothesis,
+) -> tuple[Constraint, Array]:
+    """A contact around what is found under a hypothesis, which tells how often the same was used before."""
+    times = sum(
+        answer.happened and other.held.contacts == look.held.contacts
+        for other, answer in zip(before, hypothesis.answers)
+    )
+    return _measurement(params, movement, geometry, look, hypothesis.errors, times)
+
+
+def _outcome(look: _Look, answer: Answer) -> ContactOutcome:
+    if not answer.happened:
+        return ContactOutcome(look.held, "missed", answer.missed)
+    left_out = tuple(look.places[k][0] for k in answer.away)
+    return ContactOutcome(look.held, "used", answer.missed, left_out)
 
 
 def _of(finger: str) -> slice:
@@ -135,18 +167,12 @@ def _covariance(params: Params, calibration: Calibration, fingers: Sequence[Fing
     return variance
 
 
-def _row(movement: Trajectory, held: HeldContact, share: float) -> int:
-    t = held.onset + share * (held.end - held.onset)
-    return min(int(movement.t.searchsorted(t)), len(movement) - 1)
-
-
-def _reason(
-    movement: Trajectory, held: HeldContact, places: Sequence[Place], rows: Sequence[int]
-) -> ContactOutcome | None:
+def _reason(movement: Trajectory, look: _Look) -> ContactOutcome | None:
     """Why a contact is not used; None where nothing speaks against it."""
+    held, places = look.held, look.places
     segments = [SEGMENT["hand"]]
     segments += [SEGMENT[s] for name, _ in places if name in CHAINS for s in CHAINS[name]]
-    early, late = movement.q_GS[rows][:, segments]
+    early, late = movement.q_GS[list(look.rows)][:, segments]
     is_there = movement.t[0] <= held.onset and held.end <= movement.t[-1]
     enough = len(places) >= (LEAST_ON_TABLE if held.on_table else 2)
     if not (is_there and enough and np.isfinite(early).all() and np.isfinite(late).all()):
@@ -160,13 +186,12 @@ def _measurement(
     params: Params,
     movement: Trajectory,
     geometry: HandGeometry,
-    held: HeldContact,
-    places: Sequence[Place],
+    look: _Look,
     errors: Array,
-    when: _When,
+    times: int,
 ) -> tuple[Constraint, Array]:
     """A contact around the errors found so far, and its derivative by all of them."""
-    q_GS = movement.q_GS[when.row]
+    q_GS, held, places = movement.q_GS[look.rows[1]], look.held, look.places
 
     def touch(e: Array) -> tuple[Array, Array]:
         up = _vertical(q_GS, e)
@@ -175,8 +200,8 @@ def _measurement(
     def constrain(e: Array) -> Constraint:
         where, up = touch(e)
         if held.on_table:
-            return on_a_plane(params, where, np.tile(up, (len(where), 1)), when.times)
-        return between_two(params, where, held, when.times)
+            return on_a_plane(params, where, np.tile(up, (len(where), 1)), times)
+        return between_two(params, where, held, times)
 
     found = constrain(errors)
     columns = [*range(3), *(k for name, at in places for k in _columns(name, at))]
@@ -187,7 +212,7 @@ def _measurement(
         H[:, k] = (constrain(moved).residual - found.residual) / STEP
     where, _ = touch(errors)
     roots = np.array([geometry.roots()[FINGERS.index(at if n == PALM else n)] for n, at in places])
-    arms = when.drift**2 * ((where - roots) ** 2).sum(axis=1)
+    arms = look.drift**2 * ((where - roots) ** 2).sum(axis=1)
     drifting = np.einsum("kma,k,kna->mn", found.by_places, arms, found.by_places)
     return replace(found, noise=found.noise + drifting), H
 

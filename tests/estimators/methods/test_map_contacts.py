@@ -170,3 +170,20 @@ def test_draws_follow_what_contacts_leave_open() -> None:
     np.testing.assert_allclose(was["hand"] + changes[:, hand], was["hand"] * [1.0, 1.0, 0.3])
     np.testing.assert_allclose(was["ring"] + changes[:, last], 0.7 * was["ring"])
     assert not map_contacts._draw_changes(PARAMS, before, before).round(12).any()
+
+
+def test_a_contact_that_did_not_happen_is_refused_by_those_after_it() -> None:
+    """Alone the first would be believed: the hand's sensor sits worse than usual."""
+    missed = partial(touched_fingertips.touch_fingertips, missed=0.04)
+    recording = recorded(missed, EXACT["table"], EXACT["palm"])
+    moved = turned(recording.truth, np.radians([-14.0, -9.0, -1.0]), {})
+    held, before = held_contacts(recording.events), solved(moved)
+    false, true = held[:4], held[4:]
+    alone, together = (
+        map_contacts.apply(PARAMS, moved, calibrated(recording), before, contacts)
+        for contacts in (true, held)
+    )
+    assert [o.used for o in together.outcomes] == [False] * len(false) + [True] * len(true)
+    for a, b in zip(alone.fingers, together.fingers):
+        off = quat.log(quat.relative(a.segments.q_BS["hand"], b.segments.q_BS["hand"]))
+        assert np.linalg.norm(off) < np.radians(0.1)
