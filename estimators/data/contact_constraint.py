@@ -15,7 +15,6 @@ from handscope.estimators.data.options import option
 from handscope.estimators.hand.anatomy import Hand, side_sign
 from handscope.estimators.numerics.typing import Array
 
-REFUSED = 1e-3  # probability of such an innovation if they touch
 EARLY, LATE = 0.4, 0.75  # shares of a hold: fingers have come to rest; what is held is used
 STILL = np.radians(4.0)  # most that a joint turns between the two: tremor, and what a filter learns
 LASTING = 0.6  # of a contact's variance: the same each time, as how thick a pulp is and where its owner touches; ours

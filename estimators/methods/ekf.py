@@ -319,10 +319,16 @@ def _look_at_contact(params: Params, state: State, pending: Pending) -> State:
         return replace(state, contacts=(*others, at_rest))
     geometry = state.calibration.geometry
     used = [o.held.contacts for o in state.contact_outcomes if o.used]
+    missed = sum(o.outcome == "missed" for o in state.contact_outcomes)
     hand, outcome = ekf_contacts.apply(
         params,
         HandState(state.chains, geometry, state.of_lengths),
-        replace(pending, times=used.count(pending.held.contacts)),
+        replace(
+            pending,
+            times=used.count(pending.held.contacts),
+            looked_at=len(used) + missed,
+            missed=missed,
+        ),
     )
     return replace(
         state,

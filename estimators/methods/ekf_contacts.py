@@ -3,7 +3,7 @@
 In      a hand's chains, its geometry with the covariance of its lengths, where a mark on its palm lies; what is held together
 Out     all of them corrected, or the same where the contact is refused: farther off than errors explain, or the hand moved
 Source  contact_constraint.py. The covariances between two chains, and with the lengths, that the update makes are not kept,
-        as between chains everywhere here; the gate is the chi-squared test of the innovation
+        as between chains everywhere here; whether it happened: contact_hypotheses.py, decided by each contact alone and how many before it were missed
 Limits  used once a contact, as places on the skin stay while it is held
 """
 
@@ -15,7 +15,6 @@ import numpy as np
 from handscope.estimators.data.contact_constraint import (
     EARLY,
     LATE,
-    REFUSED,
     STILL,
     Constraint,
     ContactParams,
@@ -43,12 +42,11 @@ from handscope.estimators.finger_ekf.filter import State
 from handscope.estimators.finger_ekf.sensor_to_segment import ERROR, SIZE, joint_jacobian_row
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS
 from handscope.estimators.hand.geometry import HandGeometry, root_joint
+from handscope.estimators.methods.contact_hypotheses import weigh
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import looped
-from handscope.estimators.numerics.tail_probabilities import chi2_sf
 from handscope.estimators.numerics.typing import Array
 
-LIKELY = 0.05  # the same of what is left on a table where a finger is left out
 OF_HAND = slice(ERROR.q_SB, ERROR.q_SB + 3)  # the hand's mounting in a chain's errors
 
 
@@ -58,6 +56,8 @@ class Pending:
 
     held: HeldContact
     times: int = 0  # that the same was used before
+    looked_at: int = 0  # contacts before it
+    missed: int = 0  # of them
     q_before: Array | None = (
         None  # (F, 3, 4) the chains' joints when it had come to rest; None: not yet
     )
@@ -106,15 +106,15 @@ def apply(
         return hand, ContactOutcome(held, "moving")
     touches = [_touch(hand, place, held) for place in places]
     innovation = _innovation(params, hand, pending, touches)
-    missed = innovation.constraint.missed
-    if innovation.probability > REFUSED:
-        return _corrected(hand, innovation), ContactOutcome(held, "used", missed)
-    without = _without_one(params, hand, pending, touches)
-    if without is None:
-        return hand, ContactOutcome(held, "missed", missed)
-    left_out = tuple(
-        FINGERS[t.finger] for t in touches if t.finger not in {u.finger for u in without.touches}
-    )
+    assumed = weigh(innovation.constraint, innovation.S, pending.missed, pending.looked_at)
+    answer = max(assumed, key=lambda a: a.log_probability).answer
+    if not answer.happened:
+        return hand, ContactOutcome(held, "missed", answer.missed)
+    if not answer.away:
+        return _corrected(hand, innovation), ContactOutcome(held, "used", answer.missed)
+    left_out = tuple(FINGERS[touches[k].finger] for k in answer.away)
+    others = [t for k, t in enumerate(touches) if k not in answer.away]
+    without = _innovation(params, hand, pending, others)
     outcome = ContactOutcome(held, "used", without.constraint.missed, left_out)
     return _corrected(hand, without), outcome
 
@@ -146,12 +146,6 @@ class _Innovation:
     def weighed(self) -> Array:
         return np.asarray(np.linalg.solve(self.S, -self.constraint.residual))
 
-    @property
-    def probability(self) -> float:
-        """Of one as large, if they touch."""
-        r = self.constraint.residual
-        return float(chi2_sf(float(-r @ self.weighed), len(r)))
-
 
 def _innovation(
     params: ContactParams, hand: HandState, pending: Pending, touches: Sequence[_Touch]
@@ -175,19 +169,6 @@ def _innovation(
         S = S + by_joints[f] @ hand.chains.P[f] @ by_joints[f].T
         S = S + by_lengths[f] @ hand.of_lengths[f] @ by_lengths[f].T
     return _Innovation(touches, constraint, by_joints, by_lengths, S)
-
-
-def _without_one(
-    params: ContactParams, hand: HandState, pending: Pending, touches: Sequence[_Touch]
-) -> _Innovation | None:
-    """The likeliest that leaves a finger out which is not on the table; None where that does not explain it, either."""
-    if not pending.held.on_table or len(touches) <= LEAST_ON_TABLE:
-        return None
-    fewer = [
-        _innovation(params, hand, pending, [t for t in touches if t is not one]) for one in touches
-    ]
-    best = max(fewer, key=lambda i: i.probability)
-    return best if best.probability > LIKELY else None
 
 
 def _touch(hand: HandState, place: Place, held: HeldContact) -> _Touch:

@@ -213,6 +213,14 @@ def test_a_contact_that_did_not_happen_pulls_nothing_and_is_told() -> None:
         np.testing.assert_array_equal(found.trajectory.tips, without.tips)
 
 
+def test_a_contact_that_is_likelier_without_touch_pulls_nothing() -> None:
+    """3 cm are no rare error of this person's pose, each with a chance of one in 350 to 900; but a thumb that does not touch is easily so far away."""
+    found = processed(6, 0.03)
+    assert told_codes(found) == 4 * ["contacts.refused"]
+    without = processed(6, 0.03, contact_sd=0.0).trajectory
+    np.testing.assert_array_equal(found.trajectory.angles, without.angles)
+
+
 def test_which_contacts_were_used_is_told() -> None:
     (told,) = [w for w in processed(0).warnings if "contacts.used" in codes_of(w)]
     assert "thumb on index finger" in told
