@@ -1,9 +1,9 @@
 /** A figure's course in words: what it is, its value, how it changed. */
-import { DECIMALS } from "../session/tapping.js";
 import { angleWords, directionWords, jointWords, unitWords } from "../words/clinical.js";
 import { directionsOf } from "../words/directions.js";
 import { decimal, t } from "../words/words.js";
 
+const DECIMALS = { deg: 0, "deg/s": 0, "per s": 2, s: 3, "%": 1, mm: 1, "mm/s": 0, "": 0 }; // the report's (app/report/change_words.py)
 export const PARTS = ["thumb", "index", "middle", "ring", "little", "wrist", "forearm", "all"];
 
 /** The finger or the wrist that a figure is of; "all" where it is of none. */
@@ -53,9 +53,11 @@ export function tickWords(series, tick) {
   return series.end === "largest" && series.angle === "flexion" && tick >= 0 ? `${Math.round(tick)}°` : valueWords(series, tick);
 }
 
-const decimalsOf = (series) => (series.unit === "deg" ? 0 : (DECIMALS[series.name.replace("tapping_", "")] ?? 1));
+const decimalsOf = ({ name, unit }) => (name.endsWith("_slope") ? 2 : (DECIMALS[unit] ?? 2));
 
 function withUnit(series, value) {
-  if (series.joint || series.unit === "deg") return `${Math.round(value)}°`;
-  return `${decimal(value, decimalsOf(series))} ${unitWords(series.unit)}`.trim();
+  if (series.joint) return `${Math.round(value)}°`;
+  const broken = series.unit === "" && !Number.isInteger(value); // a count; the mean of several may be
+  const [size, unit] = [decimal(value, broken ? 1 : decimalsOf(series)), unitWords(series.unit.replace("deg", "°"))];
+  return unit.startsWith("°") ? `${size}${unit}` : `${size} ${unit}`.trim();
 }

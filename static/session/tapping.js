@@ -6,7 +6,7 @@ import { directionsOf } from "../words/directions.js";
 import { counted, decimal, known, plain, t } from "../words/words.js";
 import { folded } from "./folded.js";
 
-export const DECIMALS = {
+const DECIMALS = {
   count: 0,
   rate: 2,
   interval_mean: 3,

@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser
 
-from handscope.app.language import languages
-from handscope.app.report import units
+from handscope.app.language import ENGLISH, languages
+from handscope.app.report import change_words, units
 from tests.app.pages.test_metronome_in_browser import SITE, serve
 
 pytestmark = pytest.mark.browser
@@ -66,3 +66,26 @@ def test_a_figures_sign_is_read_on_the_pages_as_in_the_report(browser: Browser) 
       return names.map(directionsOf);
     }"""
     assert said(browser, "en", read, names) == [[*units.directions_of(name)] for name in names]
+
+
+def test_a_course_has_the_digits_of_the_report(browser: Browser) -> None:
+    figures = [
+        ("open_close_rate", 0.8, "per s"),
+        ("tapping_interval_mean", 0.4283, "s"),
+        ("open_close_fatigue10", 0.0124, "s"),
+        ("tapping_decrement_slope", 0.0132, "mm"),
+        ("tapping_amplitude_mean", 61.44, "mm"),
+        ("tapping_opening_speed_mean", 534.4, "mm/s"),
+        ("tapping_angle_closing_speed_mean", 146.4, "deg/s"),
+        ("open_close_count", 6.0, ""),
+        ("open_close_count", 6.5, ""),
+        ("squeeze_force_mean", 1.234, "N"),
+    ]
+    read = """async (figures) => {
+      const { changeWords } = await import("/static/progress/figure_words.js");
+      const about = { hand: "left", against: "first" };
+      const series = ([name, value, unit]) => ({ name, unit, joint: "", hands: { left: { points: [[0, 0, null, null], [1, value, null, null]] } } });
+      return figures.map((figure) => changeWords(series(figure), about));
+    }"""
+    sizes = [change_words.amount(value, name, unit, ENGLISH) for name, value, unit in figures]
+    assert said(browser, "en", read, figures) == [f"{size} higher" for size in sizes]
