@@ -66,7 +66,7 @@ function doubted({ reason, advice }) {
 function line([name, values, unit, [grade, words], reason], norm, columns) {
   const signal = [h("span", { class: `badge ${grade}` }, words), reason && h("div", { class: "hint" }, reason)];
   const cells = [...values, unit, norm && (norm.told ? [norm.told, why(norm)] : ""), signal].filter((cell) => cell !== false);
-  const style = (k) => (k < values.length ? "number" : cells[k] === "" ? "none" : "");
+  const style = (k) => (k < values.length ? "number" : cells[k] === "" ? "none" : k === values.length ? "unit" : "");
   return h(
     "tr",
     {},
