@@ -17,6 +17,7 @@ from tests.journeys.house import (
     held_back,
     keep_picture,
     keep_screen,
+    leave_scene,
     scene_drawn,
     sent_late,
     shown,
@@ -66,6 +67,7 @@ def test_an_uploaded_recording_gives_numbers_and_a_replay(
 
     shown(page.get_by_role("button", name="Replay in 3-D")).click()
     scene_drawn(page)
+    leave_scene(page)
     shown(page.locator(".cursor"))
     page.get_by_role("button", name="Play").click()
     page.wait_for_function(f"() => {HERE} > 1")
