@@ -15,10 +15,7 @@ from handscope.estimators.fault_detection.neighbours.paired_test import FEWEST
 from handscope.estimators.fault_detection.neighbours.sensor_pairs import POOR, Pairs
 from handscope.estimators.numerics.tail_probabilities import normal_sf
 
-MEDIAN, SPREAD = (
-    0.12,
-    0.86,
-)  # of intact joints; spread of the logarithm, by the largest of a thousand
+MEDIAN, SPREAD = 0.15, 0.88  # of intact joints, skin that moves twice as much among them
 FEW = 3  # windows in which a joint may leave much although it leaves little in the rest: a finger that moves a few times
 MEDIAN_OF_FEW, SPREAD_OF_FEW = 0.17, 1.05  # of what intact joints leave in the FEW-th worst window
 
