@@ -20,7 +20,11 @@ from handscope.estimators.fault_detection.neighbours.joint_kernels import (
     fit_unknowns,
     refit_unknowns,
 )
-from handscope.estimators.fault_detection.neighbours.joint_windows import Windows, by_vector
+from handscope.estimators.fault_detection.neighbours.joint_windows import (
+    INSTANTS,
+    Windows,
+    by_vector,
+)
 from handscope.estimators.numerics.typing import Array
 
 EXPECTED = (
@@ -42,7 +46,8 @@ TURNS = 0.5  # 1/s^2, root mean square of what a window adds to an arm of 1 m al
 ACC_BIAS = 0.1  # m/s^2, standard deviation of an accelerometer axis
 FLOOR = 0.015  # m/s^2, of an axis: noise of an accelerometer at 25 Hz and what a second of integrated rates leaves; size ours
 WEIGHTS = 4.0 ** np.arange(0, 14, 1.0)
-PRIOR = FLOOR**2 / np.repeat([EXPECTED, EXPECTED, ACC_BIAS, ACC_BIAS], 3) ** 2
+# of the unknowns; biases are told by what differs between windows, whose instants err alike, so that a window counts once for them
+PRIOR = FLOOR**2 * np.repeat([1 / EXPECTED**2, INSTANTS / ACC_BIAS**2], 6)
 
 
 @dataclass(frozen=True)

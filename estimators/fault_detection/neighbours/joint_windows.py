@@ -28,6 +28,7 @@ RATE = 100.0  # Hz, of the common time base
 LENGTH = 1.0  # s, of a window
 MOST_WINDOWS = 60  # of a recording, those with most movement: what longer ones cost
 AVERAGED = 4  # samples of the common time base that make one of a window's: 25 Hz
+INSTANTS = round(LENGTH * RATE) // AVERAGED  # of a window
 LONGEST_GAP = 0.08  # s
 MOST_MISSING = 0.3
 QUIET = 0.06  # rad/s, largest standard deviation of a rate's axis in a second of rest
