@@ -2,7 +2,7 @@
 
 One MCAP file (docs/recording.md): channel `wire` holds the port's bytes with their arrival times, `command` what was sent to the glove, `event` and
 `metadata` JSON, `original` what a source of another protocol gave. Every message is numbered and a chunk of its own with its channel and CRC, handed to the operating system at once and to the disk
-every second; what has piled up behind a slow disk goes there in one write. Channel `checkpoint` repeats events and metadata every CHECKPOINT_EVERY, so that
+every second, by a thread of its own, since what came meanwhile is not to wait for the disk; what has piled up behind a slow disk goes there in one write. Channel `checkpoint` repeats events and metadata every CHECKPOINT_EVERY, so that
 what a crash left is listed from its end (recording_ends.py). (mcap's own writer is not used: it keeps an index entry of every chunk in memory, 0.4 GB after a million.)
 """
 
@@ -11,6 +11,7 @@ import json
 import os
 import zlib
 from collections.abc import Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -72,6 +73,8 @@ class Continuation:
 class Recorder:
     """A recording being written: a context manager; leaving it finishes the file."""
 
+    _syncing: Future[None] | None
+
     def __init__(
         self,
         path: Path,
@@ -92,6 +95,7 @@ class Recorder:
         self._facts: dict[str, Any] = {}
         self._events: dict[str, Any] = {}  # by id, those that stand
         self._together = False
+        self._syncing, self._synced_by = None, ThreadPoolExecutor(1)
         self.bytes_written = 0
         self._file.write(MCAP0_MAGIC + _bytes_of(Header(PROFILE, PROFILE)))
         self.metadata(
@@ -107,6 +111,7 @@ class Recorder:
         recorder._facts, recorder._events = dict(at.facts), dict(at.events)
         recorder._number, recorder._together, recorder.bytes_written = at.number, False, 0
         recorder._originals = at.originals
+        recorder._syncing, recorder._synced_by = None, ThreadPoolExecutor(1)
         return recorder
 
     def __enter__(self) -> "Recorder":
@@ -181,6 +186,7 @@ class Recorder:
             )
             self.sync()
         finally:
+            self._synced_by.shutdown()
             self._file.close()
 
     def _put(self, topic: str, data: bytes, at: float) -> None:
@@ -220,7 +226,15 @@ class Recorder:
         self._file.flush()
         if self._newest - self._synced >= SYNC_EVERY:
             self._synced = self._newest
-            self.sync()
+            self._sync_meanwhile()
+
+    def _sync_meanwhile(self) -> None:
+        """Bring what was handed over to the disk while recording goes on; raises what the time before met."""
+        if not hasattr(self._file, "fileno") or (self._syncing and not self._syncing.done()):
+            return
+        if self._syncing:
+            self._syncing.result()
+        self._syncing = self._synced_by.submit(os.fsync, self._file.fileno())
 
 
 def is_being_written(path: Path) -> bool:

@@ -3,6 +3,8 @@
 import errno
 import io
 import itertools
+import threading
+import time
 import tracemalloc
 from datetime import UTC, datetime
 from pathlib import Path
@@ -161,9 +163,38 @@ def test_each_message_is_handed_to_the_system_at_once_and_to_the_disk_every_seco
     for k in range(1, 31):
         recorder.write(bytes([k]), 0.1 * k)
         assert native.read(path).wire[-1][1] == bytes([k])  # without closing
-    assert len(synced) == int(3.0 / SYNC_EVERY)
+        while len(synced) < int(0.1 * k / SYNC_EVERY):  # by another thread
+            time.sleep(1e-3)
+    assert len(synced) == 3
     recorder.close()
     assert len(synced) == 4
+
+
+def test_what_comes_while_the_disk_is_slow_is_written_and_its_failure_told_by_a_later_write(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    is_there = threading.Event()
+
+    def fail_late(_: int) -> None:
+        is_there.wait()
+        raise OSError("no such disk any more")
+
+    path = tmp_path / "a.mcap"
+    recorder = Recorder(path, {"hand": "left"}, 0.0)
+    with monkeypatch.context() as slow:
+        slow.setattr("handscope.sessions.files.recorder.os.fsync", fail_late)
+        for k in range(1, 4):
+            recorder.write(bytes([k]), SYNC_EVERY * k)
+            assert native.read(path).wire[-1][1] == bytes([k])
+        is_there.set()
+        with pytest.raises(OSError, match="no such disk"):
+            _write_on(recorder)
+    recorder.close()
+
+
+def _write_on(recorder: Recorder) -> None:
+    for k in range(4, 10_000):
+        recorder.write(b"later", SYNC_EVERY * k)
 
 
 def _taken(recorder: Recorder, data: bytes) -> bool:
