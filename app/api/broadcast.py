@@ -19,8 +19,8 @@ from handscope.app.report.sections import self_calibration
 
 # s, at most one message to a viewer in each; shorter than the 10 ms between two poses
 PULSE = 1 / 120
-# s, longest wait for another pose once a viewer's time has come; longer than between two poses at 60 Hz
-NEXT_POSE = 0.02
+# s: a pose that came in a pulse longer than this is old when its time comes; longest wait for the next one
+OLD, NEXT_POSE = 0.02, 0.05
 TRANSLATED_KEYS = (
     "title",
     "instruction",
@@ -143,10 +143,10 @@ def localised_snapshot(snapshot: dict[str, Any], language: Language) -> dict[str
 async def next_pulse(news: asyncio.Event, pulse: float = PULSE) -> None:
     """Sleep to the next multiple of `pulse` s on the server's clock, and on to the first news after it.
 
-    News that came while a viewer slept for more than a pose grow old with it; those are not waited for longer than NEXT_POSE where no other comes.
+    News that came while a viewer slept are old by then; where no other comes within NEXT_POSE they are sent all the same.
     """
     await asyncio.sleep(pulse - time.monotonic() % pulse)
-    if pulse > NEXT_POSE and news.is_set():
+    if pulse > OLD and news.is_set():
         news.clear()
         with suppress(TimeoutError):
             await asyncio.wait_for(news.wait(), NEXT_POSE)
