@@ -3,8 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -14,14 +12,13 @@ from handscope.estimators.hand.anatomy import FINGERS, IS_DOF, JOINT
 from handscope.estimators.methods import METHODS, ekf
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
-from handscope.sessions.formats import recordings as formats_recordings
+from handscope.validation.independent.recordings import write_and_load
 from handscope.validation.independent.simulator import contacts, daily_movements
 from handscope.validation.independent.simulator.free_movement import (
     BEGUN,
     DEG,
     Setup,
     Truth,
-    written,
 )
 from handscope.validation.reproduce import Wanted
 from handscope.validation.reproduce.accuracy import angle_difference, nees, rms
@@ -60,17 +57,9 @@ def trials(wanted: Wanted) -> Sequence[Trial]:
 
 def measure(trial: Trial) -> Mapping[str, float]:
     """Errors by case and column, over the movement behind the pose."""
-    with TemporaryDirectory() as folder:
-        setup = Setup(
-            trial.seed,
-            fingers=FINGERS,
-            forearm=True,
-            duration=DURATION,
-            pace=PACE,
-            missed=trial.pose * DEG,
-        )
-        true = written(setup, Path(folder) / "recording")
-        recording = formats_recordings.load(Path(folder) / "recording")
+    person = Setup(trial.seed, fingers=FINGERS, forearm=True, missed=trial.pose * DEG)
+    slow = replace(person, pace=PACE, duration=DURATION)
+    recording, true = write_and_load(slow)
     found: dict[str, float] = {}
     for case, (name, options) in CASES.items():
         method = METHODS[name]
@@ -78,39 +67,26 @@ def measure(trial: Trial) -> Mapping[str, float]:
         errors = _errors(moved, true, BEGUN, DURATION)
         found |= {f"{case}: {what}": error for what, error in errors.items()}
     for case, (kinds, separation) in CONTACTS.items():
-        errors = _with_contacts(trial, kinds, separation)
+        errors = _with_contacts(slow, kinds, separation)
         found |= {f"{case}: {what}": error for what, error in errors.items()}
-    return found | {f"{DAILY}: {what}": e for what, e in _in_daily_movements(trial).items()}
+    return found | {f"{DAILY}: {what}": e for what, e in _in_daily_movements(person).items()}
 
 
-def _in_daily_movements(trial: Trial) -> dict[str, float]:
+def _in_daily_movements(person: Setup) -> dict[str, float]:
     """Errors of `ekf`, mean over the movements, each after a pose of its own that the person misses alike."""
-    setup = Setup(
-        trial.seed,
-        fingers=FINGERS,
-        forearm=True,
-        duration=DAILY_DURATION,
-        missed=trial.pose * DEG,
-    )
-    each = []
+    setup, each = replace(person, duration=DAILY_DURATION), []
     for name in daily_movements.MOVEMENTS:
-        with TemporaryDirectory() as folder:
-            at = Path(folder) / "recording"
-            true = written(setup, at, daily_movements.movement(name, setup))
-            recording = formats_recordings.load(at)
+        recording, true = write_and_load(setup, daily_movements.movement(name, setup))
         moved = process(ekf, ekf.Params(), recording).trajectory
         each.append(_errors(moved, true, BEGUN, DAILY_DURATION))
     return {what: float(np.mean([errors[what] for errors in each])) for what in COLUMNS}
 
 
-def _with_contacts(trial: Trial, kinds: Sequence[str], separation: float) -> dict[str, float]:
+def _with_contacts(setup: Setup, kinds: Sequence[str], separation: float) -> dict[str, float]:
     """Errors of `ekf` where contacts are held, or missed by a separation (m), between the pose and the same movement."""
-    setup = Setup(trial.seed, fingers=FINGERS, forearm=True, pace=PACE, missed=trial.pose * DEG)
     movement, held, begun = contacts.with_contacts(setup, kinds, separation)
     setup = replace(setup, duration=begun + DURATION - BEGUN)
-    with TemporaryDirectory() as folder:
-        true = written(setup, Path(folder) / "recording", movement, held)
-        recording = formats_recordings.load(Path(folder) / "recording")
+    recording, true = write_and_load(setup, movement, held)
     moved = process(ekf, ekf.Params(), recording).trajectory
     return _errors(moved, true, begun, setup.duration)
 

@@ -3,8 +3,6 @@
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -17,14 +15,13 @@ from handscope.estimators.hand.anatomy import FINGERS, IS_DOF, JOINT
 from handscope.estimators.methods import map as method
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
-from handscope.sessions.formats import recordings as formats_recordings
+from handscope.validation.independent.recordings import write_and_load
 from handscope.validation.independent.simulator import contacts
 from handscope.validation.independent.simulator.free_movement import (
     CHAINS,
     DEG,
     Setup,
     Truth,
-    written,
 )
 from handscope.validation.reproduce import Wanted
 from handscope.validation.reproduce.finding import Finding, Row, Table, Verdict, spread
@@ -110,16 +107,14 @@ def measure(trial: Trial) -> Found:
     """One recording, written, read and calibrated as `handscope process --method map` does it."""
     setup = Setup(trial.seed, **{"duration": DURATION, **CONDITIONS[trial.condition]})
     since = 0.0  # s, from when angles and tips are judged
-    with TemporaryDirectory() as folder:
-        if trial.condition in TOUCHING:
-            separation = TOUCHING[trial.condition]
-            kinds = () if separation is None else tuple(contacts.HOLDS)
-            movement, held, since = contacts.with_contacts(setup, kinds, separation or 0.0)
-            setup = replace(setup, duration=since + MOVED)
-            true = written(setup, Path(folder) / "recording", movement, held)
-        else:
-            true = written(setup, Path(folder) / "recording")
-        recording = formats_recordings.load(Path(folder) / "recording")
+    if trial.condition in TOUCHING:
+        separation = TOUCHING[trial.condition]
+        kinds = () if separation is None else tuple(contacts.HOLDS)
+        movement, held, since = contacts.with_contacts(setup, kinds, separation or 0.0)
+        setup = replace(setup, duration=since + MOVED)
+        recording, true = write_and_load(setup, movement, held)
+    else:
+        recording, true = write_and_load(setup)
     began = time.process_time()
     try:
         found = process(method, method.Params(), recording)

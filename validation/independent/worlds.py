@@ -2,8 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -11,13 +9,12 @@ import numpy as np
 from handscope.estimators.data.samples import Recording
 from handscope.estimators.hand.anatomy import FINGERS, IS_DOF, JOINT, JOINTS
 from handscope.estimators.numerics.typing import Array
-from handscope.sessions.formats import recordings as formats_recordings
+from handscope.validation.independent.recordings import write_and_load
 from handscope.validation.independent.simulator.free_movement import (
     BEGUN,
     DEG,
     LAWS,
     Setup,
-    written,
 )
 from handscope.validation.studies.worlds import is_claimed
 
@@ -62,9 +59,7 @@ WORLDS: Mapping[str, World] = {
 def recorded(world: str, seed: int) -> Judged:
     """Somebody in that world, read from the files that they wrote."""
     setup = replace(WORLDS[world].setup, seed=seed)
-    with TemporaryDirectory() as folder:
-        true = written(setup, Path(folder) / "recording")
-        recording = formats_recordings.load(Path(folder) / "recording")
+    recording, true = write_and_load(setup)
     rows = np.flatnonzero((true.t > BEGUN) & (true.t < setup.duration - 0.1))
     angles = np.full((len(rows), len(JOINTS), 3), np.nan)
     for joint, of_joint in true.angles.items():

@@ -6,8 +6,6 @@ Recordings are simulated ones of ours, after an initial pose, and freely moved h
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -33,7 +31,7 @@ from handscope.estimators.simulation.scenario import InertialGlove, Simulated
 from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.estimators.simulation.transmission import WIRED, Transmission
 from handscope.sessions.files.recording import LoadedRecording
-from handscope.sessions.formats import recordings as formats
+from handscope.validation.independent.recordings import write_and_load
 from handscope.validation.independent.simulator import free_movement
 from handscope.validation.reproduce import Wanted
 from handscope.validation.reproduce.accuracy import angle_difference
@@ -362,9 +360,7 @@ def recorded(name: str, seed: int) -> Made:
 def _outside(kind: Kind, seed: int) -> Made:
     """Somebody's freely moved hand, as a glove sends it whose sensors are all mounted alike: axes turned to those of their segments."""
     setup = free_movement.Setup(seed, fingers=FINGERS, duration=40.0, **kind.outside)  # type: ignore[arg-type]
-    with TemporaryDirectory() as folder:
-        free_movement.written(setup, Path(folder) / "recording")
-        read = formats.load(Path(folder) / "recording")
+    read, _ = write_and_load(setup)
     blocks = tuple(_rotate_readings(b, read.mounting) for b in whole_streams(list(read.blocks())))
     samples = {b.stream.name: b for b in blocks}
     return Made(

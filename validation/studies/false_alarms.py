@@ -2,8 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 from scipy.stats import beta
@@ -13,7 +11,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import FINGERS
 from handscope.estimators.recording_checks.check import suspicions_of
 from handscope.sessions.files.recording import LoadedRecording
-from handscope.sessions.formats import recordings as formats
+from handscope.validation.independent.recordings import write_and_load
 from handscope.validation.independent.simulator import daily_movements, free_movement
 from handscope.validation.reproduce import Wanted
 from handscope.validation.reproduce.finding import Finding, Row, Table, Verdict, spread
@@ -76,11 +74,8 @@ def _outside(movement: str, seed: int) -> LoadedRecording:
     setup = free_movement.Setup(
         1000 + seed, hand=hand, fingers=FINGERS, duration=SECONDS, missed=POSE_SD
     )
-    with TemporaryDirectory() as folder:
-        at = Path(folder) / "recording"
-        free_movement.written(setup, at, daily_movements.movement(movement, setup))
-        read = formats.load(at)
-        blocks = whole_streams(list(read.blocks()))
+    read, _ = write_and_load(setup, daily_movements.movement(movement, setup))
+    blocks = whole_streams(list(read.blocks()))
     if seed % 3 == 2:
         rng = np.random.default_rng([seed, 32])
         blocks = [

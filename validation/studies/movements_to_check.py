@@ -2,8 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -18,8 +16,8 @@ from handscope.estimators.simulation.person import draw_person
 from handscope.estimators.simulation.scenario import InertialGlove, simulate_performances
 from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.estimators.simulation.transmission import WIRED, Transmission
-from handscope.sessions.formats import recordings as formats
-from handscope.validation.independent.simulator.free_movement import Setup, written
+from handscope.validation.independent.recordings import write_and_load
+from handscope.validation.independent.simulator.free_movement import Setup
 
 Make = Callable[[np.random.Generator], list[Block]]
 LOSSY = Transmission(lost=0.12, bursts=4.0)
@@ -87,9 +85,7 @@ def _outside(duration: float, pace: float) -> Make:
         setup = Setup(
             int(rng.integers(1 << 30)), hand="right", fingers=FINGERS, duration=duration, pace=pace
         )
-        with TemporaryDirectory() as folder:
-            written(setup, Path(folder) / "recording")
-            return list(formats.load(Path(folder) / "recording").blocks())
+        return list(write_and_load(setup)[0].blocks())
 
     return make
 

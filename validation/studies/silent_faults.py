@@ -6,8 +6,6 @@ what is declared of them. Whether a fault is costly is asked of the finger that 
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -21,7 +19,7 @@ from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.recording_checks.check import suspicions_of, untested_of
 from handscope.sessions.files.recording import LoadedRecording
-from handscope.sessions.formats import recordings as formats
+from handscope.validation.independent.recordings import write_and_load
 from handscope.validation.independent.simulator import daily_movements, free_movement
 from handscope.validation.reproduce import Wanted
 from handscope.validation.reproduce.accuracy import angle_difference
@@ -263,11 +261,8 @@ def recorded(movement: str, seed: int) -> tuple[Made, free_movement.Truth]:
         duration=SECONDS,
         missed=float(POSE_SD),
     )
-    with TemporaryDirectory() as folder:
-        at = Path(folder) / "recording"
-        truth = free_movement.written(setup, at, daily_movements.movement(movement, setup))
-        read = formats.load(at)
-        blocks = tuple(whole_streams(list(read.blocks())))
+    read, truth = write_and_load(setup, daily_movements.movement(movement, setup))
+    blocks = tuple(whole_streams(list(read.blocks())))
     samples = {b.stream.name: b for b in blocks}
     loaded = LoadedRecording(read.hand, read.geometry, read.mounting, samples, read.events)
     return Made(loaded, blocks, "index"), truth
