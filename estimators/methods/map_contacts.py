@@ -253,12 +253,12 @@ def _place(
 def _draw_changes(params: Params, before: Array, after: Array) -> Array:
     """By how much the draws' errors (DRAWS, COUNT) of what movement leaves open change, as the covariance does; where fingers hang was not drawn."""
     numbers, sd = np.zeros((monte_carlo.DRAWS, COUNT)), np.zeros(COUNT)
-    mountings = monte_carlo.mounting_numbers()
+    mountings, lengths = monte_carlo.mounting_numbers(), monte_carlo.length_numbers()
     numbers[:, :3], sd[:3] = mountings[:, SEGMENT["hand"]], np.radians(params.mounting)
     for finger, chain in CHAINS.items():
         turn, length = _of(finger).start, _of(finger).stop - 1
         numbers[:, turn] = mountings[:, SEGMENT[chain[-1]], 2]
-        numbers[:, length] = monte_carlo.length_numbers()
+        numbers[:, length] = lengths
         sd[turn], sd[length] = np.radians(params.mounting), params.length_guess
     drawn = np.flatnonzero((sd > 0) & (np.diag(before) > 0))
     scale = np.sqrt(np.diag(before)[drawn])
@@ -273,11 +273,9 @@ def _correct_finger(
     finger: Finger, errors: Array, changes: Array, geometry: HandGeometry
 ) -> Finger:
     """A finger, or the forearm, whose sensors sit as the contacts tell, with the draws as far off as contacts leave them."""
-    is_finger = finger.name in CHAINS
-    columns = [0, 1, 2, *(range(COUNT)[_of(finger.name)] if is_finger else ())]
-    own = errors[columns]
-    last = CHAINS[finger.name][-1] if is_finger else ""
-    turns = {"hand": own[:3], **({last: own[3] * Z} if is_finger else {})}
+    columns = [0, 1, 2, *(range(COUNT)[_of(finger.name)] if finger.name in CHAINS else ())]
+    change = changes[:, columns]
+    turns, turned = _turns(finger, errors[columns]), _turns(finger, change)
     found = finger.segments
     q_BS = {
         s: quat.multiply(quat.exp(turns[s]), q) if s in turns else q for s, q in found.q_BS.items()
@@ -288,8 +286,6 @@ def _correct_finger(
     p_BS = {
         s: quat.rotate(quat.exp(turns[s]), p) if s in turns else p for s, p in found.p_BS.items()
     }
-    change = changes[:, columns]
-    turned = {"hand": change[:, :3], **({last: change[:, 3:4] * Z} if is_finger else {})}
     sure = finger.sure
     by_angles, by_tip = _output_slopes(q_GB, finger, geometry)
     return replace(
@@ -302,6 +298,14 @@ def _correct_finger(
             tip_errors=sure.tip_errors + np.einsum("mak,dk->dma", by_tip, change),
         ),
     )
+
+
+def _turns(finger: Finger, errors: Array) -> dict[str, Array]:
+    """By how much sensors sit turned (..., 3) rad, of the hand's and the finger's errors (..., n)."""
+    turns = {"hand": errors[..., :3]}
+    if finger.name in CHAINS:
+        turns[CHAINS[finger.name][-1]] = errors[..., 3:4] * Z
+    return turns
 
 
 def _output_slopes(
