@@ -73,7 +73,7 @@ class Continuation:
 class Recorder:
     """A recording being written: a context manager; leaving it finishes the file."""
 
-    _syncing: Future[None] | None
+    _syncing: Future[None] | None = None  # the newest that was asked for
 
     def __init__(
         self,
@@ -95,7 +95,7 @@ class Recorder:
         self._facts: dict[str, Any] = {}
         self._events: dict[str, Any] = {}  # by id, those that stand
         self._together = False
-        self._syncing, self._synced_by = None, ThreadPoolExecutor(1)
+        self._synced_by = ThreadPoolExecutor(1)
         self.bytes_written = 0
         self._file.write(MCAP0_MAGIC + _bytes_of(Header(PROFILE, PROFILE)))
         self.metadata(
@@ -111,7 +111,7 @@ class Recorder:
         recorder._facts, recorder._events = dict(at.facts), dict(at.events)
         recorder._number, recorder._together, recorder.bytes_written = at.number, False, 0
         recorder._originals = at.originals
-        recorder._syncing, recorder._synced_by = None, ThreadPoolExecutor(1)
+        recorder._synced_by = ThreadPoolExecutor(1)
         return recorder
 
     def __enter__(self) -> "Recorder":

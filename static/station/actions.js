@@ -47,8 +47,8 @@ export function mount(root, api, { station, given }) {
     const primary = leading(station.latest);
     const folds = state === "tasks" && calibration?.source !== "none";
     const folded = allowed.filter((act) => folds && ANEW.includes(act) && act !== primary);
-    const apart = [...ELSEWHERE, ...folded];
-    const shown = allowed.filter((act) => !apart.includes(act)).sort((a, b) => Number(b === primary) - Number(a === primary));
+    const elsewhere = [...ELSEWHERE, ...folded];
+    const shown = allowed.filter((act) => !elsewhere.includes(act)).sort((a, b) => Number(b === primary) - Number(a === primary));
     const one = (act) =>
       button(act, label(station.latest, act), act === primary || (state === "tasks" && act === "finish" && !next(wizard)), () => wish(act));
     const drawn = shown.map(one);
