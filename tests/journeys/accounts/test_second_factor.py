@@ -40,6 +40,7 @@ def person(
     session.send("WebAuthn.addVirtualAuthenticator", {"options": VIRTUAL})
 
     def out() -> Page:
+        page.goto("about:blank")  # a page that is refused something goes to the login by itself
         context.clear_cookies()
         page.goto("/login")
         return page
