@@ -18,7 +18,7 @@ from xdist.remote import Producer
 from handscope.app.workers.garbage import GARBAGE
 from handscope.app.workers.process import CONTEXT
 from handscope.estimators.simulation.scenario import Simulated
-from tests import schedule
+from tests import fork_server, schedule
 from tests.browser import chromium
 from tests.durations import TESTS
 from tests.sessions import new_databases
@@ -44,9 +44,15 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "handscope"))
 CONTEXT.set_forkserver_preload(
     ["handscope.app.preload", "handscope.app.serving", "handscope.app.commands.glove"]
 )  # tests fork these, too
+fork_server.take()
 
 
 @pytest.hookimpl(optionalhook=True)  # where the tests run in several processes
+def pytest_xdist_setupnodes() -> None:
+    fork_server.offer()
+
+
+@pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> schedule.Schedule:
     return schedule.Schedule(config, log)
 
