@@ -23,7 +23,7 @@ from handscope.estimators.hand.geometry import (
     sized,
     with_finger_lengths,
 )
-from handscope.estimators.methods import map_contacts
+from handscope.estimators.methods import map_contacts, map_unobserved
 from handscope.estimators.methods.map_options import Params
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
@@ -99,7 +99,7 @@ def _told(
     events: Sequence[Event],
 ) -> Told:
     """What contacts tell where self-calibration finds this movement of the segments, but for the mountings that no movement shows."""
-    turns = {"hand": off["hand"], **{c[-1]: off[c[-1]] * map_contacts.Z for c in CHAINS.values()}}
+    turns = {"hand": off["hand"], **{c[-1]: off[c[-1]] * map_unobserved.Z for c in CHAINS.values()}}
     for s, turn in turns.items():
         q_GS[:, SEGMENT[s]] = quat.multiply(q_GS[:, SEGMENT[s]], quat.exp(turn))
     angles, tips = np.zeros((len(t), *IS_DOF.shape)), np.zeros((len(t), len(FINGERS), 3))
@@ -133,7 +133,10 @@ def _fingers(moved: Trajectory) -> Iterator[Finger]:
     for name, chain in CHAINS.items():
         q_GB = {s: moved.q_GS[:, SEGMENT[s]] for s in ("hand", *chain)}
         none, last = np.zeros((DRAWS, 1, *IS_DOF.shape)), chain[-1]
-        errors = {"hand": turns[:, SEGMENT["hand"]], last: turns[:, SEGMENT[last]] * map_contacts.Z}
+        errors = {
+            "hand": turns[:, SEGMENT["hand"]],
+            last: turns[:, SEGMENT[last]] * map_unobserved.Z,
+        }
         sure = Uncertainty(errors, {}, np.zeros(1, int), none, none[:, :, 0])
         segments = Segments(dict.fromkeys(q_GB, quat.IDENTITY), {}, {}, {}, q_GB)
         yield Finger(name, moved.t, SimpleNamespace(), segments, sure)  # type: ignore[arg-type]

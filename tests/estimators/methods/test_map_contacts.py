@@ -20,7 +20,7 @@ from handscope.estimators.hand.anatomy import (
     SEGMENTS,
 )
 from handscope.estimators.hand.geometry import HandGeometry, sized
-from handscope.estimators.methods import map_contacts
+from handscope.estimators.methods import map_contacts, map_unobserved
 from handscope.estimators.methods.map_options import Params
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
@@ -70,7 +70,7 @@ def recorded(*touches: Touch) -> Simulated:
 def turned(truth: Trajectory, hand: Array, last: Mapping[str, float]) -> Trajectory:
     """The movement as sensors show it that sit otherwise than believed: the hand's by `hand` (3,), last phalanges' about z (rad)."""
     q_GS = truth.q_GS.copy()
-    turns = {"hand": hand, **{CHAINS[f][-1]: a * map_contacts.Z for f, a in last.items()}}
+    turns = {"hand": hand, **{CHAINS[f][-1]: a * map_unobserved.Z for f, a in last.items()}}
     for name, turn in turns.items():
         q_GS[:, SEGMENT[name]] = quat.multiply(q_GS[:, SEGMENT[name]], quat.exp(turn))
     return Trajectory(
@@ -91,7 +91,7 @@ def _described(name: str, moved: Trajectory, rows: Array) -> tuple[Segments, Unc
     chain = CHAINS.get(name, ("forearm",))
     turns = SD * monte_carlo.mounting_numbers()
     q_GB = {n: moved.q_GS[:, SEGMENT[n]] for n in ("hand", *chain)}
-    unknown = {"hand": np.ones(3), chain[-1]: map_contacts.Z if name in CHAINS else np.ones(3)}
+    unknown = {"hand": np.ones(3), chain[-1]: map_unobserved.Z if name in CHAINS else np.ones(3)}
     errors = {n: turns[:, SEGMENT[n]] * axes for n, axes in unknown.items()}
     best = _angles(q_GB, rows)
     drawn = [_angles(q_GB, rows, {n: e[k] for n, e in errors.items()}) for k in range(len(turns))]
@@ -157,8 +157,8 @@ def test_contacts_that_did_not_happen_pull_nothing(kind: str) -> None:
 
 def test_draws_follow_what_contacts_leave_open() -> None:
     """24 draws scatter by chance: what contacts tell is a share of their errors, no difference from their standard deviation."""
-    hand, last = slice(0, 3), map_contacts._of("ring").start
-    before = np.diag(np.full(map_contacts.COUNT, SD**2))
+    hand, last = slice(0, 3), map_unobserved.columns_of("ring").start
+    before = np.diag(np.full(map_unobserved.COUNT, SD**2))
     after = before.copy()
     after[2, 2], after[last, last] = (0.3 * SD) ** 2, (0.7 * SD) ** 2
     numbers = monte_carlo.mounting_numbers()
@@ -166,10 +166,10 @@ def test_draws_follow_what_contacts_leave_open() -> None:
         "hand": SD * numbers[:, SEGMENT["hand"]],
         "ring": SD * numbers[:, SEGMENT["ring_distal"], 2],
     }
-    changes = map_contacts._draw_changes(PARAMS, before, after)
+    changes = map_unobserved.draw_changes(PARAMS, before, after)
     np.testing.assert_allclose(was["hand"] + changes[:, hand], was["hand"] * [1.0, 1.0, 0.3])
     np.testing.assert_allclose(was["ring"] + changes[:, last], 0.7 * was["ring"])
-    assert not map_contacts._draw_changes(PARAMS, before, before).round(12).any()
+    assert not map_unobserved.draw_changes(PARAMS, before, before).round(12).any()
 
 
 def test_a_contact_that_did_not_happen_is_refused_by_those_after_it() -> None:
