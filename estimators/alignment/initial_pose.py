@@ -87,6 +87,26 @@ class PoseParams:
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class PoseErrorParams:
+    """How exactly the pose is taken and seen, for methods that say how sure they are; angles in deg."""
+
+    pose_sd: float = option(
+        2.0,
+        "deg",
+        "what a person misses the initial pose by, each freedom of a joint that was not measured",
+        "ours: how careful a person is is not known; any standard deviation from 1.5 to 2.5 deg counted as likely",
+        least=1e-3,
+    )
+    angle_sd: float = option(
+        0.3,
+        "deg",
+        "error of gravity's direction in a sensor in the pose",
+        "ours: 0.05 m/s^2 of accelerometer bias",
+        least=1e-6,
+    )
+
+
 Angles = tuple[float, float, float]  # flexion, deviation, pronation
 NEUTRAL: Angles = (0.0, 0.0, 0.0)
 

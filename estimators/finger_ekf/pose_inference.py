@@ -14,6 +14,7 @@ from itertools import product
 
 import numpy as np
 
+from handscope.estimators.alignment.initial_pose import PoseErrorParams
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.finger_ekf.sensor_to_segment import SensorToSegmentParams
 from handscope.estimators.hand import forward_kinematics, joint_angles
@@ -45,7 +46,7 @@ def prior_covariance(
     return covariance
 
 
-def pose_angles_sd(params: SensorToSegmentParams, calibration: Calibration) -> Array:
+def pose_angles_sd(params: PoseErrorParams, calibration: Calibration) -> Array:
     """Standard deviations (joints, 3) of the pose's angles, rad: as they were measured, else as a person takes the pose."""
     sd = measured_pose_sd(calibration)
     return np.asarray(np.where(np.isnan(sd), np.radians(params.pose_sd), sd) * IS_DOF)

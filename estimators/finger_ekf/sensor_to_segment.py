@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from handscope.estimators.alignment.initial_pose import PoseErrorParams
 from handscope.estimators.data.options import option
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import FLEXION
@@ -40,7 +41,7 @@ SIZE = ERROR.field_difference + 1
 
 
 @dataclass(frozen=True, kw_only=True)
-class SensorToSegmentParams:
+class SensorToSegmentParams(PoseErrorParams):
     """Options of the sensor-to-segment states; angles in deg."""
 
     misalignment: float = option(
@@ -57,25 +58,11 @@ class SensorToSegmentParams:
         "skin moves with the joint; size ours",
         least=1e-3,
     )
-    pose_sd: float = option(
-        2.0,
-        "deg",
-        "what a person misses the initial pose by, each freedom of a joint that was not measured",
-        "ours: how careful a person is is not known; any standard deviation from 1.5 to 2.5 deg counted as likely",
-        least=1e-3,
-    )
     pose_inference: bool = option(
         True,
         "",
         "correct the pose by what gravity in all sensors tells of it; a strip that is missing then changes the other fingers a little",
         "ours: docs/decisions/0014-pose-from-gravity.md",
-    )
-    angle_sd: float = option(
-        0.3,
-        "deg",
-        "error of gravity's direction in a sensor in the pose",
-        "ours: 0.05 m/s^2 of accelerometer bias",
-        least=1e-6,
     )
 
 

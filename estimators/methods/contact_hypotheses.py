@@ -51,9 +51,9 @@ class Hypothesis:
     P: Array  # (n, n)
 
 
-def first_hypothesis(P: Array) -> list[Hypothesis]:
+def first_hypothesis(errors: Array, P: Array) -> list[Hypothesis]:
     """Before any contact."""
-    return [Hypothesis((), 0.0, np.zeros(len(P)), P)]
+    return [Hypothesis((), 0.0, errors, P)]
 
 
 def extend(

@@ -2,13 +2,13 @@
 biases and the movement are found at once.
 
 In      inertial samples of the hand and of fingers of which at least the first phalanx has a
-        sensor; no pose, no magnetometer
+        sensor; no magnetometer; an initial pose and held contacts where there are any
 Out     Calibration (mountings, biases, lengths) at the stretch's beginning; Trajectory: the stretch as
         it was found, the rest tracked as `m2` does from there
 Source  Kortier, thesis ch. 4; estimators/self_calibration
 Limits  how the sensors of forearm and hand sit, and the last phalanges' about a finger's axis, is
-        shown by no movement: there the nominal mounting holds, so the zeros of the wrist and of the
-        MCP and DIP joints' flexion are as good as the mounting; last phalanges' lengths by ratio,
+        shown by no movement: there the nominal mounting holds, and what pose and contacts tell, so
+        the zeros of the wrist and of the MCP and DIP joints' flexion are as good as these; last phalanges' lengths by ratio,
         or what is left of a finger's measured one
 """
 
@@ -31,7 +31,7 @@ from handscope.estimators.hand.anatomy import (
 )
 from handscope.estimators.hand.geometry import with_finger_lengths
 from handscope.estimators.messages.sentence import Sentence, phrase
-from handscope.estimators.methods import m2, map_contacts
+from handscope.estimators.methods import m2, map_contacts, map_pose
 from handscope.estimators.methods.map_options import Params as Params
 from handscope.estimators.methods.map_result import (
     add_wrist_uncertainty,
@@ -138,8 +138,11 @@ def solve(
     ]
     calibration = join_fingers(params, recording, fingers, worn)
     movement = _movement(params, recording, calibration, fingers)
-    if held := [h for h in held_contacts(recording.events) if kind_sd(params, h) > 0]:
-        found = map_contacts.apply(params, movement, calibration, fingers, held)
+    held = [h for h in held_contacts(recording.events) if kind_sd(params, h) > 0]
+    pose, refused = map_pose.find_pose(params, recording, movement, calibration, fingers)
+    messages += refused
+    if held or pose is not None:
+        found = map_contacts.apply(params, movement, calibration, fingers, held, pose)
         messages += map(Sentence, contact_messages(found.outcomes))
         calibration = replace(
             join_fingers(params, recording, found.fingers, worn), geometry=found.geometry

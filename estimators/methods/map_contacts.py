@@ -1,6 +1,6 @@
 """Contacts that are held for calibration tell `map` what no movement shows: how the hand's sensor and those of the last phalanges sit, where fingers hang on the hand, last phalanges' lengths.
 
-In      the movement as it was found, its calibration and fingers; what was held together
+In      the movement as it was found, its calibration and fingers; the initial pose, what was held together
 Out     the fingers and the hand's geometry corrected, with smaller standard deviations, and what became of each contact
 Source  data/contact_constraint.py, as `ekf` has it; linear Gaussian steps with the covariance of all that movement leaves open (map_unobserved.py), correlations kept,
         under each likely answer to which contacts happened (contact_hypotheses.py)
@@ -49,6 +49,7 @@ from handscope.estimators.methods.contact_hypotheses import (
     first_hypothesis,
 )
 from handscope.estimators.methods.map_options import Params
+from handscope.estimators.methods.map_pose import PoseSeen, condition
 from handscope.estimators.methods.map_unobserved import (
     COUNT,
     STEP,
@@ -57,6 +58,7 @@ from handscope.estimators.methods.map_unobserved import (
     correct_finger,
     covariance,
     draw_changes,
+    drift,
     resize,
 )
 from handscope.estimators.numerics import quaternions as quat
@@ -89,10 +91,14 @@ def apply(
     calibration: Calibration,
     fingers: Sequence[Finger],
     contacts: Sequence[HeldContact],
+    pose: PoseSeen | None = None,
 ) -> Found:
-    """The contacts one after the other, each linearised at the estimates after those before it; which of them happened is decided by all together."""
+    """What the pose tells, then the contacts one after the other, each linearised at the estimates after those before it; which of them happened is decided by all together."""
     before, reasons = covariance(params, calibration, fingers), []
-    hypotheses, looked_at = first_hypothesis(before), list[_Look]()
+    known = (np.zeros(COUNT), before)
+    if pose is not None:
+        known = condition(params, fingers, pose, before)
+    hypotheses, looked_at = first_hypothesis(*known), list[_Look]()
     for held in contacts:
         look = _look(params, movement, fingers, held)
         reasons.append(_reason(movement, look))
@@ -117,10 +123,8 @@ def _look(
     known = {f.name for f in fingers if CHAINS.get(f.name, ("",))[-1] in f.segments.q_BS}
     times = (held.onset + share * (held.end - held.onset) for share in (EARLY, LATE))
     early, late = (min(int(movement.t.searchsorted(t)), len(movement) - 1) for t in times)
-    start, stop = max(f.t[0] for f in fingers), min(f.t[-1] for f in fingers)
-    inside = start <= held.onset and held.end <= stop
     places = [p for p in places_of(held) if p[0] == PALM or p[0] in known]
-    return _Look(held, places, (early, late), 0.0 if inside else np.radians(params.tracked))
+    return _Look(held, places, (early, late), drift(params, fingers, held.onset, held.end))
 
 
 def _measure(

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from handscope.estimators.alignment.initial_pose import PoseErrorParams
 from handscope.estimators.data.contact_constraint import ContactParams
 from handscope.estimators.data.options import option
 from handscope.estimators.methods import fusion_pipeline
@@ -12,7 +13,7 @@ from handscope.estimators.self_calibration.result import Requirements
 
 
 @dataclass(frozen=True, kw_only=True)
-class Params(fusion_pipeline.Params, Noise, Requirements, ContactParams):
+class Params(fusion_pipeline.Params, Noise, Requirements, ContactParams, PoseErrorParams):
     """Options of MAP."""
 
     longest: float = option(

@@ -61,21 +61,20 @@ def join_fingers(
         sorted(worn & set(SEGMENTS)),
         float(first.t[0]),
     )
-    q_GS, q_BS, bias = dict(known.q_GS), dict(known.q_BS), dict(known.gyr_bias)
+    q_BS = dict(known.q_BS)
     for finger in fingers:
-        at, sensors = finger.solution.at, finger.solution.problem.chain.sensors
-        onto = quat.multiply(first.solution.at.q_GS[0, 0], quat.conjugate(at.q_GS[0, 0]))
-        for s, name in enumerate(sensors):
-            if name != "hand" or finger is first:
-                q_GS[name], bias[name] = quat.multiply(onto, at.q_GS[0, s]), at.bias_gyr[s]
         q_BS |= finger.segments.q_BS
     geometry = _with_lengths(params, recording.geometry, fingers)
     nearest = sorted(fingers, key=lambda f: float(np.linalg.norm(_end(f, geometry))))
     return replace(
         known,
-        q_GS=q_GS,
+        q_GS=sensor_orientations(fingers, 0),
         q_BS=q_BS,
-        gyr_bias=bias,
+        gyr_bias={
+            n: f.solution.at.bias_gyr[s]
+            for f in reversed(fingers)
+            for s, n in enumerate(f.solution.problem.chain.sensors)
+        },
         geometry=geometry,
         source=CalibrationSource.SELF_CALIBRATION,
         stretch=(max(float(f.t[0]) for f in fingers), min(float(f.t[-1]) for f in fingers)),
@@ -103,6 +102,19 @@ def join_fingers(
             if self_calibration_result.is_length_known(params, f, s)
         },
     )
+
+
+def sensor_orientations(fingers: Sequence[Finger], row: int) -> dict[str, Array]:
+    """Orientations of the sensors (4,) in a row of the stretch, by segment; the hand's is that of the first finger."""
+    hand = fingers[0].solution.at.q_GS[row, 0]
+    found: dict[str, Array] = {}
+    for finger in fingers:
+        q_GS = finger.solution.at.q_GS[row]
+        onto = quat.multiply(hand, quat.conjugate(q_GS[0]))
+        found |= {
+            s: quat.multiply(onto, q) for s, q in zip(finger.solution.problem.chain.sensors, q_GS)
+        }
+    return found | {"hand": hand}
 
 
 def _first_of(

@@ -1,6 +1,6 @@
-"""What no movement tells `map`: how the hand's sensor sits, the last phalanges' about their hinges, where fingers hang on the hand and their bones' shares; and the fingers with these corrected.
+"""What no movement tells `map`: how the sensors of hand and forearm sit, the last phalanges' about their hinges, where fingers hang on the hand and their bones' shares; and the fingers with these corrected.
 
-In      fingers and calibration as self-calibration found them; errors found by contacts, with their covariance
+In      fingers and calibration as self-calibration found them; errors found from an initial pose and contacts, with their covariance
 Out     the covariance of these errors before anything is known of them; the fingers with their sensors turned, draws as far off as the covariance says
 Source  draws follow the covariance as an ensemble transform: Bishop et al. 2001
 Limits  first order in the errors
@@ -22,13 +22,15 @@ from handscope.estimators.self_calibration.result import Finger
 from handscope.estimators.self_calibration.uncertainty import monte_carlo
 
 EACH = 7  # errors of a finger: its last sensor about z, its root, its bones' shares
-COUNT = 3 + EACH * len(FINGERS)  # those of the hand's sensor first
+COUNT = 3 + EACH * len(FINGERS) + 3  # the hand's sensor first, the forearm's last
 STEP = 1e-5  # rad, m, of differences
 Z = np.array([0.0, 0.0, 1.0])
 
 
 def columns_of(finger: str) -> slice:
-    """Where a finger's errors stand among all."""
+    """Where the errors of a finger, or of the forearm, stand among all."""
+    if finger == "forearm":
+        return slice(COUNT - 3, COUNT)
     start = 3 + EACH * FINGERS.index(finger)
     return slice(start, start + EACH)
 
@@ -36,7 +38,8 @@ def columns_of(finger: str) -> slice:
 def covariance(params: Params, calibration: Calibration, fingers: Sequence[Finger]) -> Array:
     """Of what movement leaves open (COUNT, COUNT)."""
     variance = np.zeros((COUNT, COUNT))
-    variance[:3, :3] = np.radians(params.mounting) ** 2 * np.eye(3)
+    for whole in (slice(3), columns_of("forearm")):
+        variance[whole, whole] = np.radians(params.mounting) ** 2 * np.eye(3)
     of_lengths = length_covariance.covariance(calibration.geometry, params.length_guess)
     for finger in fingers:
         if finger.name not in CHAINS:
@@ -52,11 +55,18 @@ def covariance(params: Params, calibration: Calibration, fingers: Sequence[Finge
     return variance
 
 
+def drift(params: Params, fingers: Sequence[Finger], start: float, stop: float) -> float:
+    """How far tracking has drifted between two instants (s), rad: not at all within the stretch of self-calibration."""
+    inside = max(f.t[0] for f in fingers) <= start and stop <= min(f.t[-1] for f in fingers)
+    return 0.0 if inside else float(np.radians(params.tracked))
+
+
 def draw_changes(params: Params, before: Array, after: Array) -> Array:
     """By how much the draws' errors (DRAWS, COUNT) of what movement leaves open change, as the covariance does; where fingers hang was not drawn."""
     numbers, sd = np.zeros((monte_carlo.DRAWS, COUNT)), np.zeros(COUNT)
     mountings, lengths = monte_carlo.mounting_numbers(), monte_carlo.length_numbers()
-    numbers[:, :3], sd[:3] = mountings[:, SEGMENT["hand"]], np.radians(params.mounting)
+    for name, whole in (("hand", slice(3)), ("forearm", columns_of("forearm"))):
+        numbers[:, whole], sd[whole] = mountings[:, SEGMENT[name]], np.radians(params.mounting)
     for finger, chain in CHAINS.items():
         turn, length = columns_of(finger).start, columns_of(finger).stop - 1
         numbers[:, turn] = mountings[:, SEGMENT[chain[-1]], 2]
@@ -72,8 +82,8 @@ def draw_changes(params: Params, before: Array, after: Array) -> Array:
 
 
 def correct_finger(finger: Finger, errors: Array, changes: Array, geometry: HandGeometry) -> Finger:
-    """A finger, or the forearm, whose sensors sit as the contacts tell, with the draws as far off as contacts leave them."""
-    columns = [0, 1, 2, *(range(COUNT)[columns_of(finger.name)] if finger.name in CHAINS else ())]
+    """A finger, or the forearm, whose sensors sit as pose and contacts tell, with the draws as far off as these leave them."""
+    columns = [0, 1, 2, *range(COUNT)[columns_of(finger.name)]]
     change = changes[:, columns]
     turns, turned = _turns(finger, errors[columns]), _turns(finger, change)
     found = finger.segments
@@ -101,44 +111,45 @@ def correct_finger(finger: Finger, errors: Array, changes: Array, geometry: Hand
 
 
 def _turns(finger: Finger, errors: Array) -> dict[str, Array]:
-    """By how much sensors sit turned (..., 3) rad, of the hand's and the finger's errors (..., n)."""
-    turns = {"hand": errors[..., :3]}
+    """By how much sensors sit turned (..., 3) rad, of the hand's errors and the finger's, or the forearm's (..., n)."""
+    hand, own = errors[..., :3], errors[..., 3:]
     if finger.name in CHAINS:
-        turns[CHAINS[finger.name][-1]] = errors[..., 3:4] * Z
-    return turns
+        return {"hand": hand, CHAINS[finger.name][-1]: own[..., :1] * Z}
+    return {"hand": hand, finger.name: own}
 
 
 def _output_slopes(
     q_GB: Mapping[str, Array], finger: Finger, geometry: HandGeometry
 ) -> tuple[Array, Array]:
-    """Derivatives of angles (m, joints, 3, n) and of the tip (m, 3, n) by the hand's and the finger's errors; the forearm has no tip."""
+    """Derivatives of angles (m, joints, 3, n) and of the tip (m, 3, n) by the hand's errors and its own; the forearm has no tip."""
     rows, chain = finger.sure.rows, CHAINS.get(finger.name, ())
 
     def outputs(e: Array) -> tuple[Array, Array]:
         q_GS = np.full((len(rows), len(SEGMENTS), 4), np.nan)
         for name, q in q_GB.items():
             q_GS[:, SEGMENT[name]] = q[rows]
-        q_GS[:, SEGMENT["hand"]] = quat.multiply(q_GS[:, SEGMENT["hand"]], quat.exp(-e[:3]))
+        for name, turn in _turns(finger, e).items():
+            q_GS[:, SEGMENT[name]] = quat.multiply(q_GS[:, SEGMENT[name]], quat.exp(-turn))
         if not chain:
             return joint_angles.of_segments(q_GS), np.full((len(rows), 3), np.nan)
-        last = SEGMENT[chain[-1]]
-        q_GS[:, last] = quat.multiply(q_GS[:, last], quat.exp(-e[3] * Z))
         angles = np.where(IS_DOF, joint_angles.of_segments(q_GS), 0.0)
         every = np.zeros(COUNT)
         every[columns_of(finger.name)] = e[3:]
         tips = forward_kinematics.tips(joint_angles.compose(angles), resize(geometry, every))
         return angles, tips[:, FINGERS.index(finger.name)]
 
-    count = 3 + (EACH if chain else 0)
+    own = columns_of(finger.name)
+    count = 3 + own.stop - own.start
     at = outputs(np.zeros(count))
     moved = [outputs(e) for e in STEP * np.eye(count)]
     by_angles, by_tip = (np.stack([(m[k] - at[k]) / STEP for m in moved], axis=-1) for k in (0, 1))
-    by_tip[..., 4:7] = 0.0  # roots are counted where tips are put on the wrist
+    if chain:
+        by_tip[..., 4:7] = 0.0  # roots are counted where tips are put on the wrist
     return np.nan_to_num(by_angles), np.nan_to_num(by_tip)
 
 
 def resize(geometry: HandGeometry, errors: Array) -> HandGeometry:
-    """The hand with roots and bones as the contacts tell."""
+    """The hand with roots and bones as they were found."""
     places, lengths = dict(geometry.joint_positions), dict(geometry.lengths)
     for finger in FINGERS:
         own, joint = errors[columns_of(finger)], root_joint(finger)

@@ -300,8 +300,8 @@ def _setting() -> tuple[str, ...]:
         f" lengths, places and movement of his own, the same in every row; index finger and hand for {DURATION:g} s at 100 Hz where the row does not say else. Sensors sit misaligned by 5 deg about each axis,"
         " skin turns them by 2 deg and slides them by 1 mm in 90 deg of their joint, the hand's sensor with the fingers; biases 0.8 deg/s and 0.12 m/s^2, noise 0.007 deg/s and 150 ug a square"
         " root of a Hz, scales and axes off by 0.3 %. The palm's length and where fingers hang on it are told exactly, no finger's length is.",
-        f"Slow left hands have a forearm's sensor, lie flat at first, and move for {MOVED:g} s at up to 0.6 Hz; angles and tips are judged then. Before it fingertips are held on the thumb, a table and the"
+        f"Slow left hands have a forearm's sensor, lie flat at first, a pose of which every freedom is missed by a normal error of 2.5 deg, and move for {MOVED:g} s at up to 0.6 Hz; angles and tips are judged then. Before it fingertips are held on the thumb, a table and the"
         " palm, pads 3 mm beside each other (each axis), creases 4 mm beside where they are believed, a table tilted by 0.8 deg; where contacts did not happen, 4 cm from there, or up to that above the table.",
-        "`Seats told` are the sensors' that movement tells wholly; those of the hand, the forearm and the last phalanges lean on the nominal mounting. Skin that follows the bending's square:"
+        "`Seats told` are the sensors' that movement tells wholly; those of the hand, the forearm and the last phalanges lean on the nominal mounting, and on the pose where there is one. Skin that follows the bending's square:"
         " 0.6 of the angle and 0.6 of its square over 90 deg; that levels off: the angle's sine; that lags: 9 deg of bending behind, either way. Self-calibration takes skin to follow in proportion, and the square by as much as it finds.",
     )

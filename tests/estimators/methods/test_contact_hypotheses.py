@@ -37,7 +37,7 @@ class Contact:
 
 
 def combined(*contacts: Contact) -> list[Hypothesis]:
-    found = first_hypothesis(PRIOR)
+    found = first_hypothesis(np.zeros(2), PRIOR)
     for contact in contacts:
         found = extend(found, contact)
     return found
@@ -104,6 +104,6 @@ def test_one_fingertip_above_the_table_is_left_out_and_the_others_are_used() -> 
         residual = levels @ heights + H @ (h.errors - [0.008, 0.0])
         return Constraint(residual, by_places, 0 * by_places, 0.002**2 * np.eye(4), 0.04), H
 
-    best = decide(extend(first_hypothesis(PRIOR), on_table))
+    best = decide(extend(first_hypothesis(np.zeros(2), PRIOR), on_table))
     assert best.answers[0].happened and best.answers[0].away == (2,)
     assert abs(best.errors[0] - 0.008) < 0.001

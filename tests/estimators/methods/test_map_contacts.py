@@ -2,32 +2,19 @@
 
 from collections.abc import Callable, Mapping
 from functools import cache, partial
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from handscope.estimators.alignment import initial_pose
-from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.held_contact import held_contacts
-from handscope.estimators.data.trajectory import Trajectory
-from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import (
-    CHAINS,
-    FINGERS,
     JOINT,
     SEGMENT,
-    SEGMENTS,
 )
 from handscope.estimators.hand.geometry import HandGeometry, sized
 from handscope.estimators.methods import map_contacts, map_unobserved
-from handscope.estimators.methods.map_options import Params
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.typing import Array
-from handscope.estimators.self_calibration.result import Finger
-from handscope.estimators.self_calibration.segments import Segments
 from handscope.estimators.self_calibration.uncertainty import monte_carlo
-from handscope.estimators.self_calibration.uncertainty.monte_carlo import Uncertainty
 from handscope.estimators.simulation.movements import (
     task_performance,
     touched_fingertips,
@@ -36,6 +23,7 @@ from handscope.estimators.simulation.movements import (
 from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.scenario import Simulated, simulate_performances
 from handscope.estimators.simulation.sensors import IDEAL
+from tests.estimators.methods.solved_hands import PARAMS, SD, calibrated, off, solved, turned
 
 Touch = Callable[[HandGeometry, np.random.Generator], Performance]
 EXACT: Mapping[str, Touch] = {
@@ -52,9 +40,6 @@ INEXACT: tuple[Touch, ...] = (
     touched_surfaces.fingertips_on_table,
     touched_surfaces.fingertips_on_palm,
 )
-EXACTLY: Mapping[str, Array] = {}
-PARAMS = Params()
-SD = np.radians(PARAMS.mounting)
 
 
 @cache
@@ -67,72 +52,13 @@ def recorded(*touches: Touch) -> Simulated:
     return simulate_performances(performances, "left", geometry, np.random.default_rng(4), IDEAL)
 
 
-def turned(truth: Trajectory, hand: Array, last: Mapping[str, float]) -> Trajectory:
-    """The movement as sensors show it that sit otherwise than believed: the hand's by `hand` (3,), last phalanges' about z (rad)."""
-    q_GS = truth.q_GS.copy()
-    turns = {"hand": hand, **{CHAINS[f][-1]: a * map_unobserved.Z for f, a in last.items()}}
-    for name, turn in turns.items():
-        q_GS[:, SEGMENT[name]] = quat.multiply(q_GS[:, SEGMENT[name]], quat.exp(turn))
-    return Trajectory(
-        truth.hand, truth.t, truth.angles, q_GS, truth.tips, np.zeros(q_GS.shape[:2], np.uint8)
-    )
-
-
-def solved(moved: Trajectory) -> list[Finger]:
-    """Fingers as if self-calibration had found this movement, and knew no more of mountings than what is usual."""
-    rows = np.arange(0, len(moved), 50)
-    return [
-        Finger(name, moved.t, SimpleNamespace(), *_described(name, moved, rows))  # type: ignore[arg-type]
-        for name in (*FINGERS, "forearm")
-    ]
-
-
-def _described(name: str, moved: Trajectory, rows: Array) -> tuple[Segments, Uncertainty]:
-    chain = CHAINS.get(name, ("forearm",))
-    turns = SD * monte_carlo.mounting_numbers()
-    q_GB = {n: moved.q_GS[:, SEGMENT[n]] for n in ("hand", *chain)}
-    unknown = {"hand": np.ones(3), chain[-1]: map_unobserved.Z if name in CHAINS else np.ones(3)}
-    errors = {n: turns[:, SEGMENT[n]] * axes for n, axes in unknown.items()}
-    best = _angles(q_GB, rows)
-    drawn = [_angles(q_GB, rows, {n: e[k] for n, e in errors.items()}) for k in range(len(turns))]
-    tip = np.tile(0.01 * monte_carlo.length_numbers()[:, None, None], (1, len(rows), 3))
-    segments = Segments(
-        dict.fromkeys(q_GB, quat.IDENTITY), {n: np.zeros(3) for n in q_GB}, {}, {}, q_GB
-    )
-    return segments, Uncertainty(errors, {}, rows, np.array(drawn) - best, tip)
-
-
-def _angles(q_GB: Mapping[str, Array], rows: Array, off: Mapping[str, Array] = EXACTLY) -> Array:
-    """Joint angles (m, joints, 3) where mountings are off by so much."""
-    q_GS = np.full((len(rows), len(SEGMENTS), 4), np.nan)
-    for name, q in q_GB.items():
-        q_GS[:, SEGMENT[name]] = quat.multiply(q[rows], quat.exp(-off.get(name, np.zeros(3))))
-    return joint_angles.of_segments(q_GS)
-
-
-def calibrated(recording: Simulated) -> Calibration:
-    return initial_pose.uncalibrated("left", recording.geometry, {}, ["hand"], 0.0)
-
-
-def off(fingers: list[Finger], truth: Trajectory) -> float:
-    """How far phalanges are turned against the hand, rad, root mean square."""
-    squares = []
-    for f in (f for f in fingers if f.name in CHAINS):
-        q_GB = f.segments.q_GB
-        for name in CHAINS[f.name]:
-            believed = quat.relative(q_GB["hand"], q_GB[name])
-            true = quat.relative(truth.q_GS[:, SEGMENT["hand"]], truth.q_GS[:, SEGMENT[name]])
-            squares.append((quat.log(quat.relative(believed, true)) ** 2).sum(axis=-1))
-    return float(np.sqrt(np.mean(squares)))
-
-
 @pytest.mark.parametrize("kind", EXACT)
 def test_contacts_tell_how_the_hands_sensor_sits(kind: str) -> None:
     recording = recorded(EXACT[kind])
     hand = np.radians([2.0, -1.0, 4.0])
     moved = turned(recording.truth, hand, {"index": 0.05, "thumb": -0.04})
     before, held = solved(moved), held_contacts(recording.events)
-    found = map_contacts.apply(PARAMS, moved, calibrated(recording), before, held)
+    found = map_contacts.apply(PARAMS, moved, calibrated(recording.geometry), before, held)
     assert [o.outcome for o in found.outcomes] == len(held) * ["used"]
     assert off(found.fingers, recording.truth) < 0.8 * off(before, recording.truth)
     first = {"thumb": "thumb_cmc", "forearm": "wrist"}
@@ -147,7 +73,7 @@ def test_contacts_that_did_not_happen_pull_nothing(kind: str) -> None:
     recording = recorded(MISSED[kind])
     moved = turned(recording.truth, np.radians([1.0, 1.0, 2.0]), {})
     before, held = solved(moved), held_contacts(recording.events)
-    found = map_contacts.apply(PARAMS, moved, calibrated(recording), before, held)
+    found = map_contacts.apply(PARAMS, moved, calibrated(recording.geometry), before, held)
     assert {o.outcome for o in found.outcomes} == {"missed"}
     for old, new in zip(before, found.fingers):
         np.testing.assert_array_equal(new.segments.q_BS["hand"], old.segments.q_BS["hand"])
@@ -180,7 +106,7 @@ def test_a_contact_that_did_not_happen_is_refused_by_those_after_it() -> None:
     held, before = held_contacts(recording.events), solved(moved)
     false, true = held[:4], held[4:]
     alone, together = (
-        map_contacts.apply(PARAMS, moved, calibrated(recording), before, contacts)
+        map_contacts.apply(PARAMS, moved, calibrated(recording.geometry), before, contacts)
         for contacts in (true, held)
     )
     assert [o.used for o in together.outcomes] == [False] * len(false) + [True] * len(true)
