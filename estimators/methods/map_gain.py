@@ -14,7 +14,7 @@ import numpy as np
 
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.findings import whole_streams
-from handscope.estimators.data.samples import Block, Recording
+from handscope.estimators.data.samples import GYR, Block, Recording
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import CHAINS, FLEXION, JOINT, SEGMENT
 from handscope.estimators.hand.geometry import HandGeometry
@@ -69,6 +69,9 @@ def _gains(
     excursions = [observability.flexion_excursion(f) for f in flexion.values()]
     if not excursions or np.degrees(min(excursions)) < asked.bent:
         return False  # whatever its readings tell: they cost a hundred times as much
+    turning = [_turning(blocks, sensor) for sensor in (limb.links.sensors[-1], "hand")]
+    if np.less(turning, [asked.moving, asked.hand_moving]).any():
+        return False
     so_far = observability.no_information(limb)
     span = float(rows.t[-1] - rows.t[0]) - WINDOW
     looks = min(LOOKS, int(span / WINDOW) + 1)
@@ -85,10 +88,20 @@ def _gains(
     so_far = observability.repeat(so_far, (span + WINDOW) / (looks * WINDOW))
     observed = observability.assess_joints(asked, limb, so_far, flexion)
     known = 1e-3 * Noise().length / GAIN
-    turned = np.degrees([so_far.turned, so_far.hand_turned]) / max(so_far.seconds, 1e-9)
-    return bool(
-        (turned >= [asked.moving, asked.hand_moving]).all()
-        and all(o.length_sd < known for o in observed)
+    return all(o.length_sd < known for o in observed)
+
+
+def _turning(blocks: Sequence[Block], sensor: str) -> float:
+    """Average turning (deg/s) of a sensor, as `messages.require_movement` asks for it."""
+    rates = [
+        b.of(GYR)[:, b.stream.sensors.index(sensor)] for b in blocks if sensor in b.stream.sensors
+    ]
+    gyr = np.concatenate(rates)
+    gyr = gyr[np.isfinite(gyr).all(axis=1)]
+    return (
+        float(np.degrees(np.linalg.norm(gyr - gyr.mean(axis=0), axis=1).mean()))
+        if len(gyr)
+        else 0.0
     )
 
 

@@ -6,11 +6,12 @@ import pytest
 
 from handscope.estimators.data.samples import Block
 from handscope.estimators.hand.anatomy import CHAINS
-from handscope.estimators.methods import m2
+from handscope.estimators.methods import m2, map_gain
 from handscope.estimators.methods.map_gain import gaining_fingers
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.validation.reproduce.experiments import Trial, performed
+from tests.simulated import pose_and_wiggle
 
 WORN = ("hand", *CHAINS["index"], *CHAINS["little"])
 
@@ -29,6 +30,14 @@ def test_nothing_gains_without_a_sensor_on_the_hand() -> None:
     tracked = process(m2, m2.Params(), only(made, WORN))
     bare = only(made, CHAINS["index"])
     assert gaining_fingers(bare, tracked.calibrations[0], tracked.trajectory) == ()
+
+
+def test_a_hand_that_rests_is_not_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever its fingers did: what their readings tell costs seconds."""
+    made = only(pose_and_wiggle("left"), WORN)
+    tracked = process(m2, m2.Params(), made)
+    monkeypatch.setattr(map_gain, "accumulate_stretch", None)
+    assert gaining_fingers(made, tracked.calibrations[0], tracked.trajectory) == ()
 
 
 def only(made: Simulated, worn: tuple[str, ...]) -> Simulated:
