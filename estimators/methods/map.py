@@ -47,6 +47,7 @@ from handscope.estimators.numerics.native_libraries import (
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.contacts import contact_messages
 from handscope.estimators.pipeline.method import Capabilities
+from handscope.estimators.pipeline.recording_calibration import initial_poses
 from handscope.estimators.pipeline.run import run
 from handscope.estimators.self_calibration import initialisation as self_calibration_initialisation
 from handscope.estimators.self_calibration import messages as self_calibration_messages
@@ -137,18 +138,18 @@ def solve(
         ),
     ]
     calibration = join_fingers(params, recording, fingers, worn)
-    movement = _movement(params, recording, calibration, fingers)
     held = [h for h in held_contacts(recording.events) if kind_sd(params, h) > 0]
-    pose, refused = map_pose.find_pose(params, recording, movement, calibration, fingers)
-    messages += refused
-    if held or pose is not None:
+    if held or initial_poses(recording.events):
+        movement = _movement(map_pose.unseated(params), recording, calibration, fingers)
+        pose, refused = map_pose.find_pose(params, recording, movement, calibration, fingers)
+        messages += refused
         found = map_contacts.apply(params, movement, calibration, fingers, held, pose)
         messages += map(Sentence, contact_messages(found.outcomes))
         calibration = replace(
             join_fingers(params, recording, found.fingers, worn), geometry=found.geometry
         )
-        movement = _movement(params, recording, calibration, found.fingers)
-    return movement, [calibration], messages
+        fingers = found.fingers
+    return _movement(params, recording, calibration, fingers), [calibration], messages
 
 
 def _movement(

@@ -99,6 +99,11 @@ def find_pose(
     return PoseSeen(pose, _mean_orientations(rows.q_GS), float(drift)), refused
 
 
+def unseated(params: Params) -> Params:
+    """Options of tracking as long as it is not known how the hand's sensor sits: what joints cannot do corrects nothing."""
+    return replace(params, heading_correction=False, constraints=False)
+
+
 def _track(
     params: Params,
     recording: Recording,
@@ -106,13 +111,13 @@ def _track(
     fingers: Sequence[Finger],
     pose: Calibration,
 ) -> Trajectory:
-    """The movement between the stretch and a pose before or after it, from that end of the stretch; what joints cannot do corrects no heading, as long as it is not known how the hand's sensor sits."""
+    """The movement between the stretch and a pose before or after it, from that end of the stretch."""
     start, stop = calibration.span
     end = 0 if pose.t < start else -1
     at = (start, stop)[end]
     begun = replace(calibration, t=at, end=at, q_GS=sensor_orientations(fingers, end))
     window = _Window(recording, min(at, pose.t), max(at, pose.end))
-    pieces = run(m2, replace(params, heading_correction=False, constraints=False), [begun], window)
+    pieces = run(m2, unseated(params), [begun], window)
     return trajectory.join(list(pieces), recording.hand)
 
 

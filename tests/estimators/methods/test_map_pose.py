@@ -163,9 +163,13 @@ def poses() -> list[Event]:
 
 
 def found_pose(
-    events: Sequence[Event], start: float = 20.0, length: float = 2.0, sway: float = 0.0
+    events: Sequence[Event],
+    start: float = 20.0,
+    length: float = 2.0,
+    sway: float = 0.0,
+    hand: Array = quat.IDENTITY,
 ) -> tuple[PoseSeen | None, list[str]]:
-    """Of that recording with these events, with a stretch of some seconds from `start` that was found exactly, all sensors swaying by so much (rad/s)."""
+    """Of that recording with these events, with a stretch of some seconds from `start` that was found exactly, all sensors swaying by so much (rad/s), the hand's believed to sit so."""
     recording, truth = posed_twice(), posed_twice().truth
     block = recording.samples["imu"]
     values = block.values.copy()
@@ -176,7 +180,7 @@ def found_pose(
     calibration = replace(
         calibrated(GEOMETRY),
         stretch=(float(rows.t[0]), float(rows.t[-1])),
-        q_BS=dict.fromkeys(SEGMENTS, quat.IDENTITY),
+        q_BS={**dict.fromkeys(SEGMENTS, quat.IDENTITY), "hand": hand},
         gyr_bias=dict.fromkeys(SEGMENTS, np.zeros(3)),
     )
     chains = {**CHAINS, "forearm": ("forearm",)}
@@ -205,6 +209,15 @@ def test_the_pose_nearest_to_the_movement_is_tracked_from_it(which: int) -> None
     off = quat.log(quat.relative(pose.q_GS, truth.q_GS[0]))
     assert np.degrees(np.abs(off - off[SEGMENT["hand"]])).max() < 1.0
     assert 0.35 < np.degrees(pose.drift) < 1.5
+
+
+def test_tracking_does_not_hide_that_the_hands_sensor_sits_askew() -> None:
+    """A hand that is believed turned about the fingers twists their first joints, which cannot be: so it is seen."""
+    at, turn = poses()[0], np.array([0.0, 0.14, 0.0])
+    pose, _ = found_pose(poses(), at.end + 4.0, hand=quat.exp(turn))
+    assert pose is not None
+    twisted = joint_angles.of_segments(pose.q_GS)[[JOINT[f"{f}_mcp"] for f in FINGERS[1:]], 2]
+    np.testing.assert_allclose(twisted, turn[1], atol=0.02)
 
 
 def test_a_pose_within_the_stretch_is_looked_at_where_it_was_found() -> None:
