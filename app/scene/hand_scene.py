@@ -109,6 +109,7 @@ class HandScene:
 
     def close(self) -> None:
         """Stop the server; viewers are disconnected."""
+        self._cameras.stop()
         with quiet():
             self._server.stop()
 

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
+from concurrent.futures import Future
 
 import numpy as np
 from viser import CameraHandle, ClientHandle, ViserServer
@@ -22,22 +23,27 @@ class CameraOperator:
         """`narrow`: what the first view keeps in sight (view.NARROW)."""
         self._server, self._narrow, self._clock = server, narrow, clock
         self._wanted: tuple[Array | None, Array] | None = None  # direction and points
-        self._move = 0  # number of the newest move
+        self._move: Future[None] | None = None  # the newest
         server.on_client_connect(self._begin)
 
     def look(self, towards: Array | None, points: Array) -> None:
         """Ease every viewer's camera to the direction `towards` (3,), None: its own, framing points (n, 3)."""
         self._wanted = towards, points
-        self._move += 1
-        asyncio.run_coroutine_threadsafe(self._ease(self._move), self._server.get_event_loop())
+        self.stop()
+        self._move = asyncio.run_coroutine_threadsafe(self._ease(), self._server.get_event_loop())
 
-    async def _ease(self, move: int) -> None:
+    def stop(self) -> None:
+        """Leave the cameras where they are; before the server stops, whose event loop a move would outlive."""
+        if self._move is not None:
+            self._move.cancel()
+
+    async def _ease(self) -> None:
         starts = {
             number: Camera(np.array(c.camera.position), np.array(c.camera.look_at))
             for number, c in self._server.get_clients().items()
         }
         began, share = self._clock(), 0.0
-        while share < 1.0 and move == self._move:
+        while share < 1.0:
             share = min(1.0, (self._clock() - began) / EASING)
             for number, client in self._server.get_clients().items():
                 if number in starts:

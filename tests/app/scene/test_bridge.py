@@ -1,5 +1,6 @@
 """The bridge: the scene's messages on the application's port, for who is logged in, until either side leaves."""
 
+import asyncio
 from typing import Any
 
 import msgspec
@@ -11,6 +12,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from handscope.app.scene import bridge, postures
 from handscope.app.scene.bridge import PROTOCOL
+from handscope.app.scene.camera.operator import CameraOperator
 from handscope.app.scene.hand_scene import HandScene
 from handscope.app.scene.mesh import bones
 from handscope.estimators.hand.anatomy import JOINT
@@ -35,6 +37,12 @@ def connected(
 
 def viewers(scene: HandScene) -> int:
     return len(scene._server._websock_server._client_state_from_id)
+
+
+def camera_moves(scene: HandScene) -> list[asyncio.Task[Any]]:
+    """Moves of the cameras that have not ended."""
+    tasks = asyncio.all_tasks(scene._server.get_event_loop())
+    return [task for task in tasks if CameraOperator._ease.__qualname__ in repr(task)]
 
 
 def test_a_stranger_is_refused_before_the_scene_hears_of_it(scene: HandScene, served: Site) -> None:
@@ -70,11 +78,14 @@ def test_a_viewer_that_leaves_is_forgotten(scene: HandScene, served: Site) -> No
     eventually(lambda: viewers(scene) == 0)
 
 
-def test_a_scene_that_closes_lets_its_viewers_go() -> None:
+def test_a_scene_that_closes_lets_its_viewers_go_and_ends_a_cameras_move() -> None:
     scene = HandScene("left", sized("left"))
     with site(scene) as served, connected(served) as viewer:
         viewer.recv(timeout=WAIT)
+        scene.look("palm")
+        eventually(lambda: camera_moves(scene))
         scene.close()
+        assert camera_moves(scene) == []
         assert _end_of(viewer) == 1001
         with pytest.raises(InvalidStatus):
             connected(served)
