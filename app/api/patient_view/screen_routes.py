@@ -97,7 +97,7 @@ async def scene_socket(websocket: WebSocket) -> None:
         await websocket.close(REFUSED, "no screen")
         return
     await serve_while_shown(all_parts, screen, _pass_scene(websocket, station))
-    with suppress(RuntimeError):
+    with suppress(RuntimeError, WebSocketDisconnect):
         await websocket.close(GONE)
 
 
@@ -110,7 +110,7 @@ async def live(websocket: WebSocket) -> None:
         await websocket.close(REFUSED, "no screen, or it ended")
         return
     await serve_while_shown(all_parts, screen, _send_states(websocket, all_parts, screen))
-    with suppress(RuntimeError):
+    with suppress(RuntimeError, WebSocketDisconnect):
         await websocket.close(GONE, "the session is over")
 
 

@@ -171,6 +171,22 @@ def test_ending_a_screen_ends_what_it_shows_and_all_of_it_is_audited(served: Ser
     assert served.trail()[before:] == [("anna", "created"), ("", "viewed"), ("anna", "changed")]
 
 
+def test_a_screen_whose_page_went_before_it_ended_is_no_error(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def unheard(*_: object) -> None:
+        raise WebSocketDisconnect(1006)
+
+    invited = served.invite()
+    served.open(invited["code"])
+    with served.tablet.websocket_connect(
+        f"{SOCKETS}/api/patient-view/live", headers=ORIGIN
+    ) as socket:
+        socket.receive_json()
+        monkeypatch.setattr(screen_routes.WebSocket, "close", unheard)
+        served.therapist.delete(f"/api/stations/test/screens/{invited['screen']}")
+
+
 def test_a_screen_ends_with_what_its_account_may_see(served: Served) -> None:
     served.open(served.invite()["code"])
     with served.parts.store.database() as db:
