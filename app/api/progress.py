@@ -16,6 +16,7 @@ from handscope.app.report import Paper
 from handscope.app.report.changes import Judge
 from handscope.app.report.progress.labels import label
 from handscope.app.report.progress.series import Course, Progress, Series, progress
+from handscope.app.report.units import BROKEN, places_of
 from handscope.app.state import Db, DocumentsDep, LanguageDep, PartsDep
 from handscope.estimators.hand.anatomy import HANDS, Hand
 from handscope.sessions.clinic import patients, repeatability
@@ -112,6 +113,7 @@ def _series(s: Series, judges: list[Judge], aims: Aims, language: Language) -> d
     }
     return {
         **facts,
+        "decimals": places_of(s.name, BROKEN, s.unit),
         "reference": reference,
         "hands": {hand: _course(c, judges) for hand, c in s.hands.items()},
         "goals": {

@@ -10,7 +10,7 @@ from handscope.app.report.changes import Change, Changes
 from handscope.app.report.content import Task
 from handscope.app.report.progress.labels import label
 from handscope.app.report.sections.range_rows import RangeRow
-from handscope.app.report.units import DEG, PACE, directed, directions_of, with_unit
+from handscope.app.report.units import DEG, PACE, directed, directions_of, places_of, with_unit
 from handscope.app.report.words import (
     ROTATION,
     SIDES,
@@ -29,7 +29,6 @@ ENDS: tuple[tuple[End, int], ...] = (
 MORE, LEVEL = ("more", "less"), ("higher", "lower")
 LISTED = 10  # changes within the MDC at most that the print lists; of more it tells how many, so that a report stays a page
 NAMED = 4  # changes that are not judged at most that the print names
-DECIMALS = {"deg": 0, "deg/s": 0, "per s": 2, "s": 3, "%": 1, "mm": 1, "mm/s": 0, "": 1}
 
 
 @dataclass(frozen=True)
@@ -141,9 +140,7 @@ def value_words(name: str, value: float, unit: str, language: Language) -> str:
 
 def amount(value: float, name: str, unit: str, language: Language) -> str:
     """A size in the unit a person reads: "8°", "0.40 per s"."""
-    places = 2 if name.endswith("_slope") else DECIMALS.get(unit, 2)
-    whole = not unit and value == round(value)  # a count; the mean of several may be broken
-    return with_unit(language.number(value, 0 if whole else places), unit, language)
+    return with_unit(language.number(value, places_of(name, value, unit)), unit, language)
 
 
 def _paragraph(

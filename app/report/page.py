@@ -113,7 +113,7 @@ def words_of(content: Content, language: Language) -> Page:
 
 def goal_row(goal: GoalReading, language: Language) -> list[str]:
     """Figure, value, range and whether the value lies within, in words."""
-    places = places_of(goal.value, goal.unit)
+    places = places_of(goal.name, goal.value, goal.unit)
     value, low, high = (language.number(n, places) for n in (goal.value, goal.low, goal.high))
     place = "not_reached" if goal.value < goal.low else "beyond"
     return [

@@ -27,25 +27,27 @@ DIRECTIONS = {  # of figures that are changes themselves
     "_interval_slope": ("shorter", "longer"),
     "_decrement_": ("smaller", "larger"),
 }
-TAPPING_DECIMALS = {  # of the figures of tapping that have a row, in order
-    "tapping_count": 0,
-    "tapping_rate": 2,
-    "tapping_interval_mean": 3,
-    "tapping_interval_cv": 1,
-    "tapping_amplitude_mean": 1,
-    "tapping_amplitude_cv": 1,
-    "tapping_opening_speed_mean": 0,
-    "tapping_closing_speed_mean": 0,
-    "tapping_decrement_slope": 2,
-    "tapping_decrement_ratio": 1,
-    "tapping_fatigue50": 3,
-    "tapping_angle_amplitude_mean": 1,
-    "tapping_interruptions": 0,
-    "tapping_freezes": 0,
-    "tapping_longest_stop": 2,
-}
+TAPPING_ROWS = (  # figures of tapping that have a row, in order
+    "tapping_count",
+    "tapping_rate",
+    "tapping_interval_mean",
+    "tapping_interval_cv",
+    "tapping_amplitude_mean",
+    "tapping_amplitude_cv",
+    "tapping_opening_speed_mean",
+    "tapping_closing_speed_mean",
+    "tapping_decrement_slope",
+    "tapping_decrement_ratio",
+    "tapping_fatigue50",
+    "tapping_angle_amplitude_mean",
+    "tapping_interruptions",
+    "tapping_freezes",
+    "tapping_longest_stop",
+)
 
 
+BROKEN = 0.5  # what `places_of` is asked with for all values of a figure that may be broken
+DECIMALS = {"deg": 0, "deg/s": 0, "per s": 2, "s": 3, "%": 1, "mm": 1, "mm/s": 0, "": 1}
 MOST_DECIMALS = {"deg": 0, "%": 0, "mm": 0, "mm/s": 0, "deg/s": 0, "Hz": 2, "per s": 2, "s": 2}
 
 
@@ -100,8 +102,17 @@ def directions_of(name: str) -> tuple[str, str]:
     )
 
 
-def places_of(value: float, unit: str) -> int:
-    """Decimals that a person can use: of 2.5 taps per second two, of 81 degrees none, of 8 degrees one."""
+def places_of(name: str, value: float, unit: str) -> int:
+    """Decimals of a figure by its name and unit: the same in a tile, a course, a change and a goal, whatever the size; of a count none, but of a mean of several."""
+    if name.endswith("_slope"):
+        return 2
+    if name.endswith("_share") or (not unit and value == round(value)):
+        return 0
+    return DECIMALS.get(unit, 2)
+
+
+def significant_places(value: float, unit: str) -> int:
+    """Decimals that a person can use in a table of all figures: of 2.5 taps per second two, of 81 degrees none, of 8 degrees one."""
     most = MOST_DECIMALS.get(unit, 3)
     return min(decimals(value), most + (abs(value) < 10 and most == 0))
 

@@ -16,7 +16,15 @@ from handscope.app.report.references import Edition, newest
 from handscope.app.report.sections.other_measures import share_words
 from handscope.app.report.sections.range_comparison import reference_of
 from handscope.app.report.sections.range_rows import over_tasks
-from handscope.app.report.units import DEG, decimals_of_sd, places_of, reading, signed, with_unit
+from handscope.app.report.units import (
+    DEG,
+    decimals_of_sd,
+    places_of,
+    reading,
+    signed,
+    significant_places,
+    with_unit,
+)
 from handscope.app.report.words import flexion_words, joint_words, named
 from handscope.estimators.measures.figure import Figure
 from handscope.estimators.measures.range_of_motion import Range
@@ -120,7 +128,7 @@ def _tile(
         words = _words(figure, theirs[0], language)
         against.append(language.labelled(f"{hand[:1].upper()}{hand[1:]}, {moment}", words))
     if norm := norm_of(figure.what or figure.name, figure.part, key[1], edition):
-        places = decimals_of_sd(norm.sd) if norm.sd else places_of(norm.mean, norm.unit)
+        places = decimals_of_sd(norm.sd) if norm.sd else significant_places(norm.mean, norm.unit)
         spread = f" ± {language.number(norm.sd, places)}" if norm.sd else ""
         words = with_unit(f"{language.number(norm.mean, places)}{spread}", norm.unit, language)
         against.append(language.labelled(language.say("norm"), words))
@@ -152,7 +160,8 @@ def _verdict(figure: Figure, change: Change | None) -> Literal["better", "worse"
 def _words(figure: Figure, value: float, language: Language) -> str:
     """A value in the unit a person reads; below zero it is said in words."""
     read = reading(Figure(figure.name, value, figure.unit, ""))
-    return signed(figure.name, read.value, places_of(read.value, read.unit), read.unit, language)
+    places = places_of(figure.name, read.value, read.unit)
+    return signed(figure.name, read.value, places, read.unit, language)
 
 
 def finger_rows(

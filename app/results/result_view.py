@@ -23,7 +23,7 @@ from handscope.app.report.sections.range_rows import (
     range_rows,
 )
 from handscope.app.report.sections.shown_panels import shown_of
-from handscope.app.report.units import DEG, TAPPING_DECIMALS, reading
+from handscope.app.report.units import DEG, TAPPING_ROWS, places_of, reading
 from handscope.app.report.words import figure_words
 from handscope.app.results.hand_history import resembles_other_hand
 from handscope.app.results.headlines import FOLDED, finger_rows, headlines, joint_deficits
@@ -339,7 +339,7 @@ def _tapping(
     language: Language,
 ) -> list[dict[str, Any]]:
     """Trials in order of time with the figures that have a row; stored figures are in the same order, equally many a trial."""
-    rows = [f for f in figures if f["measure"] == "tapping" and f["name"] in TAPPING_DECIMALS]
+    rows = [f for f in figures if f["measure"] == "tapping" and f["name"] in TAPPING_ROWS]
     each = len(rows) // len(trials) if trials else 0
     rows_of_trials = []
     for k, t in enumerate(trials):
@@ -373,6 +373,7 @@ def _figure(row: Mapping[str, Any], language: Language) -> dict[str, Any]:
         "value": number,
         "sd": sd,
         "unit": read.unit,
+        "decimals": 0 if number is None else places_of(row["name"], number, read.unit),
     }
 
 

@@ -3,7 +3,6 @@ import { angleWords, directionWords, jointWords, unitWords } from "../words/clin
 import { directionsOf } from "../words/directions.js";
 import { decimal, t } from "../words/words.js";
 
-const DECIMALS = { deg: 0, "deg/s": 0, "per s": 2, s: 3, "%": 1, mm: 1, "mm/s": 0, "": 0 }; // the report's (app/report/change_words.py)
 export const PARTS = ["thumb", "index", "middle", "ring", "little", "wrist", "forearm", "all"];
 
 /** The finger or the wrist that a figure is of; "all" where it is of none. */
@@ -42,22 +41,22 @@ export function changeWords(series, chosen) {
 
 /** Steps between an axis' ticks, so coarse that no two ticks read the same. */
 export function stepsOf(series) {
-  const least = -decimalsOf(series);
+  const least = -decimalsOf(series, 0);
   return Array.from({ length: 9 }, (_, k) => [1, 2, 5].map((n) => n * 10 ** (least + k))).flat();
 }
 
 /** A direction stands at every tick where values lie on either side of zero. */
 export function tickWords(series, tick) {
-  const plain = decimal(tick, decimalsOf(series)).replace(/[.,]0+$/, "").replace("-", "−"); // prettier-ignore
+  const plain = decimal(tick, decimalsOf(series, tick)).replace(/[.,]0+$/, "").replace("-", "−"); // prettier-ignore
   if (!series.joint) return series.unit === "deg" ? `${plain}°` : plain;
   return series.end === "largest" && series.angle === "flexion" && tick >= 0 ? `${Math.round(tick)}°` : valueWords(series, tick);
 }
 
-const decimalsOf = ({ name, unit }) => (name.endsWith("_slope") ? 2 : (DECIMALS[unit] ?? 2));
+/** Of a count none; the mean of several may be broken. */
+const decimalsOf = ({ unit, decimals }, value) => (unit === "" && Number.isInteger(value) ? 0 : decimals);
 
 function withUnit(series, value) {
   if (series.joint) return `${Math.round(value)}°`;
-  const broken = series.unit === "" && !Number.isInteger(value); // a count; the mean of several may be
-  const [size, unit] = [decimal(value, broken ? 1 : decimalsOf(series)), unitWords(series.unit.replace("deg", "°"))];
+  const [size, unit] = [decimal(value, decimalsOf(series, value)), unitWords(series.unit.replace("deg", "°"))];
   return unit.startsWith("°") ? `${size}${unit}` : `${size} ${unit}`.trim();
 }

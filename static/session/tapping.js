@@ -6,23 +6,6 @@ import { directionsOf } from "../words/directions.js";
 import { counted, decimal, known, plain, t } from "../words/words.js";
 import { folded } from "./folded.js";
 
-const DECIMALS = {
-  count: 0,
-  rate: 2,
-  interval_mean: 3,
-  interval_cv: 1,
-  amplitude_mean: 1,
-  amplitude_cv: 1,
-  opening_speed_mean: 0,
-  closing_speed_mean: 0,
-  decrement_slope: 2,
-  decrement_ratio: 1,
-  fatigue50: 3,
-  angle_amplitude_mean: 1,
-  interruptions: 0,
-  freezes: 0,
-  longest_stop: 2,
-};
 const FIRST = ["count", "rate", "interval_mean", "amplitude_mean", "decrement_ratio"]; // the others are folded away
 
 export function mount(root, api, { result }) {
@@ -114,7 +97,7 @@ function labelOf(figure) {
 
 function valueOf(figure, trial) {
   if (figure.value === null) return t(trial.amplitudes_mm.length ? "tapping.too_few" : "tapping.not_measured");
-  const digits = DECIMALS[shortOf(figure)] ?? 2;
+  const digits = figure.decimals;
   const size = decimal(Math.abs(figure.value), digits);
   const directions = directionsOf(figure.name);
   if (directions.every(Boolean)) {

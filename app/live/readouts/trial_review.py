@@ -223,7 +223,7 @@ def _figure_words(f: Mapping[str, Any], language: Language) -> dict[str, Any]:
             return None
         if value < 0 and f["unit"] == "deg":
             return value_words(f["figure"], value, "deg", language)
-        places = 0 if f["unit"] == "deg" else places_of(f["value"], f["unit"])
+        places = places_of(f["figure"], f["value"], f["unit"])
         return signed(f["figure"], value, places, f["unit"], language)
 
     return {

@@ -3,11 +3,11 @@
 from typing import Any
 
 from handscope.app.language import Language
+from handscope.app.report.change_words import amount
 from handscope.app.report.changes import read_as
 from handscope.app.report.content import Content
 from handscope.app.report.progress.importance import rank
 from handscope.app.report.progress.labels import label
-from handscope.app.report.units import places_of, with_unit
 from handscope.app.report.words import moment_words
 from handscope.sessions.clinic.repeatability import Key, Values
 
@@ -63,10 +63,7 @@ def _other_hand(content: Content, language: Language) -> tuple[Values, str] | No
 def _row(key: Key, own: Values, other: Values, language: Language) -> list[str]:
     """Figure, this hand, the other one, and this hand's share of it."""
     read = [read_as(key, *values[key]) for values in (own, other)]
-    words = [
-        with_unit(language.number(value, places_of(value, unit)), unit, language)
-        for value, unit in read
-    ]
+    words = [amount(value, key[2], unit, language) for value, unit in read]
     (mine, _), (theirs, _) = read
     share = f"{language.number(100 * mine / theirs)} %" if abs(theirs) > SHARE_OF else "–"
     return [label(key[2], language), *words, share]

@@ -20,8 +20,8 @@ from handscope.app.report.units import (
     decimals,
     decimals_of_sd,
     directed,
-    places_of,
     reading,
+    significant_places,
     unit_words,
     with_unit,
 )
@@ -187,7 +187,7 @@ def _value(figure: Figure, language: Language) -> str:
     read = reading(figure)
     if not np.isfinite(read.value):
         return language.say("not_measured")
-    places = 0 if figure.name.endswith("_count") else places_of(read.value, read.unit)
+    places = 0 if figure.name.endswith("_count") else significant_places(read.value, read.unit)
     size = language.number(abs(read.value), places)
     sd = 0.0 if figure.sd is None else abs(reading(replace(figure, value=figure.sd)).value)
     if 0.5 * 10.0**-places <= sd < np.inf:

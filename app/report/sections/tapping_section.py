@@ -12,9 +12,10 @@ from handscope.app.report.changes import Changes
 from handscope.app.report.content import Task
 from handscope.app.report.sections import plots
 from handscope.app.report.units import (
-    TAPPING_DECIMALS,
+    TAPPING_ROWS,
     directed,
     directions_of,
+    places_of,
     reading,
     unit_words,
 )
@@ -40,7 +41,7 @@ def tapping_section(
     shown = next((k for k, trial in enumerate(trials) if trial.count), None)
     many = total > 1
     every = {f.name: f for f in tasks[0].result.figures}
-    named = {name: every[name] for name in TAPPING_DECIMALS if name in every}
+    named = {name: every[name] for name in TAPPING_ROWS if name in every}
     size = CHART if len(trials) == 1 else BELOW
     return {
         "title": say("tapping.title"),
@@ -95,9 +96,9 @@ def _unit(figure: Figure, language: Language) -> str:
 def _cell(task: Task, name: str, language: Language) -> str:
     figure = next(f for f in task.result.figures if f.name == name)
     read, sd = reading(figure), abs(reading(replace(figure, value=figure.sd or 0.0)).value)
-    decimals = TAPPING_DECIMALS.get(name, 2)
     if not np.isfinite(read.value):
         return language.say("tapping.too_few" if task.result.details.count else "not_measured")
+    decimals = places_of(name, read.value, read.unit)
     number = language.number(abs(read.value), decimals)
     if not directions_of(name)[1]:
         shown = sd >= 0.5 * 10.0**-decimals  # a deviation below the last digit is left out

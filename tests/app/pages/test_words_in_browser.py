@@ -69,6 +69,7 @@ def test_a_figures_sign_is_read_on_the_pages_as_in_the_report(browser: Browser) 
 
 
 def test_a_course_has_the_digits_of_the_report(browser: Browser) -> None:
+    """The page gets a figure's decimals with its course; a count has none of them."""
     figures = [
         ("open_close_rate", 0.8, "per s"),
         ("tapping_interval_mean", 0.4283, "s"),
@@ -84,8 +85,9 @@ def test_a_course_has_the_digits_of_the_report(browser: Browser) -> None:
     read = """async (figures) => {
       const { changeWords } = await import("/static/progress/figure_words.js");
       const about = { hand: "left", against: "first" };
-      const series = ([name, value, unit]) => ({ name, unit, joint: "", hands: { left: { points: [[0, 0, null, null], [1, value, null, null]] } } });
+      const series = ([name, value, unit, decimals]) => ({ name, unit, decimals, joint: "", hands: { left: { points: [[0, 0, null, null], [1, value, null, null]] } } });
       return figures.map((figure) => changeWords(series(figure), about));
     }"""
     sizes = [change_words.amount(value, name, unit, ENGLISH) for name, value, unit in figures]
-    assert said(browser, "en", read, figures) == [f"{size} higher" for size in sizes]
+    sent = [[*figure, units.places_of(figure[0], units.BROKEN, figure[2])] for figure in figures]
+    assert said(browser, "en", read, sent) == [f"{size} higher" for size in sizes]

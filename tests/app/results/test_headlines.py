@@ -5,8 +5,10 @@ from datetime import UTC, datetime
 import pytest
 
 from handscope.app.language import languages
+from handscope.app.report.change_words import value_words
 from handscope.app.report.changes import Change, Changes
 from handscope.app.report.content import Task
+from handscope.app.report.units import READABLE
 from handscope.app.results.headlines import headlines, joint_deficits
 from handscope.estimators.measures.assessment import TaskResult
 from handscope.estimators.measures.figure import Figure
@@ -39,6 +41,29 @@ def test_a_tile_names_the_other_hands_session_the_norm_and_the_change() -> None:
     assert tile["against"][1].startswith("Reference value: 3.57 ± 0.87")
     assert (tile["change"], tile["beyond"]) == ("0.40 per s higher, within MDC", False)
     assert (tile["wanted"], tile["verdict"]) == ("more", "")
+
+
+@pytest.mark.parametrize(
+    ("measure", "name", "si", "unit", "value", "words"),
+    [
+        ("tapping", "tapping_amplitude_mean", "m", "mm", 61.43, "61.4 mm"),
+        ("tapping", "tapping_amplitude_mean", "m", "mm", 8.21, "8.2 mm"),
+        ("finger_spread", "whole_spread", "rad", "deg", 8.4, "8°"),
+        ("kapandji", "kapandji_score", "1", "", 7.0, "7"),
+        ("tapping", "tapping_decrement_ratio", "1", "%", 12.34, "12.3 % larger"),
+    ],
+)
+def test_a_tile_has_the_decimals_of_its_course_and_its_change(
+    measure: str, name: str, si: str, unit: str, value: float, words: str
+) -> None:
+    figure = Figure(name, value / READABLE.get(si, ("", 100 if unit else 1))[1], si, "x", what=name)
+    change = Change(measure, measure, name, value, unit, None, "none", ())
+    (task,) = headlines(
+        [(measure, measure, figure)], {}, EN, Changes(MOMENT, (change,)), None, None
+    )
+    (tile,) = task["tiles"]
+    assert tile["value"] == value_words(name, value, unit, EN) == words
+    assert tile["change"].startswith(words.split(" larger")[0])
 
 
 @pytest.mark.parametrize(

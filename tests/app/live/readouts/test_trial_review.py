@@ -96,7 +96,7 @@ def test_what_is_below_zero_is_said_in_words() -> None:
     words = localised_review({"figures": [{**row, **values, "end": "", "grade": "good"}]}, languages()["en"])  # fmt: skip
     assert words is not None
     (figure,) = words["figures"]
-    assert [figure[name] for name in ("value", "last", "other")] == ["19 % smaller", "4 % smaller", "2 % larger"]  # fmt: skip
+    assert [figure[name] for name in ("value", "last", "other")] == ["19.2 % smaller", "4.0 % smaller", "2.0 % larger"]  # fmt: skip
     bent = {"figure": "index_pip_flexion_min", "part": "index", "what": "", "unit": "deg"}
     ends = {"value": -7.0, "sd": None, "last": 4.0, "other": None}
     words = localised_review({"figures": [{**bent, **ends, "end": "min", "grade": "good"}]}, languages()["en"])  # fmt: skip
