@@ -71,8 +71,9 @@ export function mount(root, api, { go, title, roles }) {
       leaveErased = archived.checked && (treats || roles.includes("administrator")) ? erasures.mount(erased, api) : () => {};
       list.replaceChildren(...(found.rows.length ? [table(found.rows), pages(found, offset, turn)] : [nobody(words, archived.checked)]));
     } catch (error) {
-      if (mine === asked) box.show(error);
+      if (mine === asked) box.show(error, h("button", { type: "button", onclick: draw }, t("patients.retry")));
     }
+    list.hidden = !list.childElementCount;
   }
 
   const found = h("div", {}, searchRow(search, archived), box.element, list);

@@ -11,22 +11,27 @@ const CHAINS = {
   forearm: ["forearm_radial", "forearm_ulnar"],
 };
 
+const REACH = 22; // px from where it is pressed to the point that is taken
+const ROOM = 0.2; // of the hand's size, round it
+
 /** Resolves with the places by name, pixels, or null where the person gave up. */
 export function correctLandmarks(root, file, { size, landmarks }) {
   const address = URL.createObjectURL(file);
   const places = structuredClone(landmarks);
   const now = h("p", { class: "soft", role: "status" }, t("landmarks.how"));
   const lines = Object.values(CHAINS).map((names) => [names, s("polyline", { class: "chain" })]);
-  const radius = Math.max(...size) / 160;
+  const seen = around(places, size);
+  const radius = Math.max(...seen.slice(2)) / 160;
   const points = Object.keys(places).map(point);
   const image = s("image", { href: address, width: size[0], height: size[1] });
   const drawing = s(
     "svg",
-    { viewBox: `0 0 ${size[0]} ${size[1]}`, class: "landmarks" },
+    { viewBox: seen.join(" "), class: "landmarks" },
     image,
     lines.map(([, line]) => line),
     points,
   );
+  drawing.style.setProperty("--shape", String(seen[2] / seen[3]));
   const close = (value) => {
     URL.revokeObjectURL(address);
     dialog.remove();
@@ -44,10 +49,24 @@ export function correctLandmarks(root, file, { size, landmarks }) {
     h("div", { class: "buttons" }, done, stop),
   );
   dialog.addEventListener("cancel", () => close(null));
+  drawing.addEventListener("pointerdown", (event) => {
+    const [x, y] = placeOf(event);
+    const away = (dot) => Math.hypot(dot.getAttribute("cx") - x, dot.getAttribute("cy") - y);
+    const nearest = points.reduce((a, b) => (away(b) < away(a) ? b : a));
+    if (away(nearest) * drawing.getScreenCTM().a > REACH) return;
+    event.preventDefault();
+    nearest.focus();
+    nearest.setPointerCapture(event.pointerId);
+  });
   draw();
   root.append(dialog);
   dialog.showModal();
   return new Promise((resolve) => (finish = resolve));
+
+  function placeOf({ clientX, clientY }) {
+    const { x, y } = new DOMPoint(clientX, clientY).matrixTransform(drawing.getScreenCTM().inverse());
+    return [x, y];
+  }
 
   function draw() {
     for (const [names, line] of lines) line.setAttribute("points", names.map((name) => places[name].join()).join(" "));
@@ -71,12 +90,7 @@ export function correctLandmarks(root, file, { size, landmarks }) {
     dot.setAttribute("cx", places[name][0]);
     dot.setAttribute("cy", places[name][1]);
     dot.addEventListener("focus", () => (now.textContent = words(name)));
-    dot.addEventListener("pointerdown", (event) => dot.setPointerCapture(event.pointerId));
-    dot.addEventListener("pointermove", (event) => {
-      if (!dot.hasPointerCapture(event.pointerId)) return;
-      const { x, y } = new DOMPoint(event.clientX, event.clientY).matrixTransform(drawing.getScreenCTM().inverse());
-      put(x, y);
-    });
+    dot.addEventListener("pointermove", (event) => dot.hasPointerCapture(event.pointerId) && put(...placeOf(event)));
     dot.addEventListener("keydown", (event) => {
       const step = KEYS[event.key];
       if (!step) return;
@@ -86,6 +100,17 @@ export function correctLandmarks(root, file, { size, landmarks }) {
     });
     return dot;
   }
+}
+
+/** The part of a photograph that the hand takes, with room to move its points: left, top, width and height in pixels. */
+function around(places, size) {
+  const ends = size.map((most, k) => {
+    const all = Object.values(places).map((place) => place[k]);
+    const [low, high] = [Math.min(...all), Math.max(...all)];
+    const room = ROOM * (high - low) + 0.05 * Math.max(...size);
+    return [Math.max(0, low - room), Math.min(most, high + room)];
+  });
+  return [...ends.map(([low]) => low), ...ends.map(([low, high]) => high - low)];
 }
 
 function words(name) {

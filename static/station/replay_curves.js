@@ -8,6 +8,8 @@ import { makePlot } from "../plots/plot.js";
 import { curveWords, distinctWords, valueWords } from "../words/clinical.js";
 import { clock } from "../words/words.js";
 
+const STEPS = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600]; // s between two texts, which tell no parts of a second
+
 export function mount(root, api, { station, result, focus }) {
   const { start } = station.latest.replay;
   const box = errorBox();
@@ -35,6 +37,7 @@ export function mount(root, api, { station, result, focus }) {
         lines: LINES.slice(0, shown.length),
         words: (value) => valueWords(shown[0], value),
         xWords: (moment) => clock(moment - start),
+        xSteps: STEPS,
         axis: 96,
         drawn: point,
         pressed: (moment) => station.act("seek", { value: moment }).catch((error) => box.show(error)),
