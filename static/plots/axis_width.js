@@ -1,13 +1,17 @@
 /** The width of an axis whose texts may be longer than its room: a number that is cut off says something else. */
 const EDGE = 10; // px between a text and what is beside it
 
-/** As wide as the widest text so far, so that the plot does not change its width to and fro. */
+/** As wide as the widest text so far, so that the plot does not change its width to and fro. A text is measured once: it costs as much as a curve. */
 export function widening(least) {
+  const measured = new Set();
   let size = least;
   return (u, texts, k) => {
-    u.ctx.font = u.axes[k].font[0];
-    const widths = (texts ?? []).map((text) => u.ctx.measureText(text ?? "").width / devicePixelRatio);
-    size = Math.ceil(Math.max(size, ...widths.map((width) => width + EDGE)));
+    const unknown = (texts ?? []).filter((text) => !measured.has(text));
+    if (unknown.length) u.ctx.font = u.axes[k].font[0];
+    for (const text of unknown) {
+      measured.add(text);
+      size = Math.ceil(Math.max(size, u.ctx.measureText(text ?? "").width / devicePixelRatio + EDGE));
+    }
     return size;
   };
 }

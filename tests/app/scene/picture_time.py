@@ -44,6 +44,7 @@ WARM, DROPPED, PASSED = (
     240,
     30,
 )  # pictures; those that are drawn in software take half a second each
+POLLING = 100  # ms; with each picture, as by default, a look would count as a picture's work
 LONG = 180_000  # ms until the hand is there
 BEGINS = "ProxyMain::BeginMainFrame"  # a picture, on the page's main thread: a mark of our own would cost 0.1 ms each
 COPYING = "LayerTreeHost::DoUpdateLayers"
@@ -162,7 +163,9 @@ def _main_thread(events: list[dict[str, Any]], name: str, how_long: str) -> tupl
     found = [
         (event["ts"], event.get(how_long, 0))
         for event in events
-        if event.get("name") == name and (event["pid"], event["tid"]) == thread
+        if event.get("name") == name
+        and event["ph"] == "X"  # Chromium's flow events have the same names
+        and (event["pid"], event["tid"]) == thread
     ]
     began, took = np.array(sorted(found)).T / 1e3
     return began, took
@@ -174,7 +177,9 @@ def _pass(frame: Any, pictures: int, drop: bool) -> dict[str, float]:
         "(drop) => Object.assign(counted, { pictures: 0, rendered: 0, calls: 0, triangles: 0, drop })",
         drop,
     )
-    frame.wait_for_function("(most) => counted.pictures >= most", arg=pictures, timeout=LONG)
+    frame.wait_for_function(
+        "(most) => counted.pictures >= most", arg=pictures, timeout=LONG, polling=POLLING
+    )
     found: dict[str, float] = frame.evaluate("({ ...counted })")
     return found
 
