@@ -19,7 +19,7 @@ from handscope.app.report.sections.range_comparison import (
     other_hand,
 )
 from handscope.app.report.sections.range_rows import GRADES, asks_full_range
-from handscope.app.report.units import DEG
+from handscope.app.report.units import DECIMALS, DEG
 from handscope.app.report.words import joint_words
 from handscope.estimators.measures.figure import Figure
 
@@ -163,13 +163,15 @@ def _tapping(content: Content, language: Language) -> list[str]:
             continue
         facts = {
             "task": language.translate(title),
-            "rate": language.number(rate, 2),
-            "amplitude": language.number(1e3 * amplitude),
+            "rate": language.number(rate, DECIMALS["per s"]),
+            "amplitude": language.number(1e3 * amplitude, DECIMALS["mm"]),
         }
         words = language.say("summary.tapping", **facts)
         if np.isfinite(ratio) and abs(ratio) >= 0.005:
             which = "summary.tapping.smaller" if ratio < 0 else "summary.tapping.larger"
-            words += " " + language.say(which, share=language.number(abs(100 * ratio)))
+            words += " " + language.say(
+                which, share=language.number(abs(100 * ratio), DECIMALS["%"])
+            )
         sentences.append(words)
     return sentences
 
