@@ -12,6 +12,7 @@ const CHAINS = {
 };
 
 const REACH = 22; // px from where it is pressed to the point that is taken
+const HIGH = 74; // % of the window at most
 const ROOM = 0.2; // of the hand's size, round it
 
 /** Resolves with the places by name, pixels, or null where the person gave up. */
@@ -31,7 +32,7 @@ export function correctLandmarks(root, file, { size, landmarks }) {
     lines.map(([, line]) => line),
     points,
   );
-  drawing.style.setProperty("--shape", String(seen[2] / seen[3]));
+  drawing.style.width = `min(98vw - 2.25rem, ${(HIGH * seen[2]) / seen[3]}vh)`;
   const close = (value) => {
     URL.revokeObjectURL(address);
     dialog.remove();

@@ -1,7 +1,7 @@
 /** The width of an axis whose texts may be longer than its room: a number that is cut off says something else. */
 const EDGE = 10; // px between a text and what is beside it
 
-/** As wide as the widest text so far, so that the plot does not change its width to and fro. A text is measured once: it costs as much as a curve. */
+/** As wide as the widest text so far, so that the plot does not change its width to and fro; a text is measured once. */
 export function widening(least) {
   const measured = new Set();
   let size = least;

@@ -7,6 +7,7 @@ import { colour, makePlot } from "../plots/plot.js";
 import { curveWords, distinctWords, segmentWords, valueWords } from "../words/clinical.js";
 import { counted, t } from "../words/words.js";
 
+const FLEXION = /_flexion$/; // of whose values above zero the heading says enough
 const COLUMNS = ["now", "last", "other"];
 
 export function mount(root, api, { station, strip }) {
@@ -79,7 +80,8 @@ function figures({ figures: rows, fingers }) {
   const cell = (row, name) => h("td", {}, (name === "now" ? row.value : row[name]) ?? t("trial.none"));
   const label = (row) => h("th", { scope: "row" }, row.end ? t(`trial.${row.end}`) : row.label);
   const body = rows.map((row) => h("tr", {}, label(row), shown.map((name) => cell(row, name))));
-  const far = ({ finger, what, value }) => h("div", {}, h("dt", {}, t(`finger.${finger}`)), h("dd", {}, valueWords(what, value)));
+  const size = (what, value) => (value > 0 && FLEXION.test(what) ? `${Math.round(value)}°` : valueWords(what, value));
+  const far = ({ finger, what, value }) => h("div", {}, h("dt", {}, t(`finger.${finger}`)), h("dd", {}, size(what, value)));
   const furthest = fingers.map(far);
   return h(
     "div",

@@ -238,9 +238,9 @@ def test_a_photograph_gives_lengths_and_angles(page: Page, patient: int, tmp_pat
     before = tip.get_attribute("cx")
     box = tip.bounding_box()
     assert box is not None
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.move(box["x"] + box["width"] + 10, box["y"] + box["height"] / 2)  # a finger's width
     page.mouse.down()
-    page.mouse.move(box["x"] + box["width"] / 2 + 2, box["y"] + box["height"] / 2)
+    page.mouse.move(box["x"] + box["width"] + 12, box["y"] + box["height"] / 2)
     page.mouse.up()
     assert tip.get_attribute("cx") != before
     page.get_by_role("button", name="Measure", exact=True).click()
