@@ -275,7 +275,7 @@ def _measure_bending(
                 step=step,
                 time=time,
                 finger=irregular,
-                apart=quality["repeatability"] / DEG,
+                distance=quality["repeatability"] / DEG,
                 again=again,
             )
         )

@@ -59,7 +59,7 @@ def make_constellation(places: Array, q_bl: Array | None = None) -> Constellatio
         largest = max(away, float(distances.max(initial=0.0)))
         raise InputError("magnet.constellation_too_large", size=largest)
     if len(distances) and distances.min() < CLOSEST:
-        raise InputError("magnet.magnetometers_too_close", apart=1000.0 * distances.min())
+        raise InputError("magnet.magnetometers_too_close", distance=1000.0 * distances.min())
     turned = np.tile(quat.IDENTITY, (len(where), 1)) if q_bl is None else np.asarray(q_bl, float)
     if turned.shape != (len(where), 4) or not np.allclose(
         np.linalg.norm(turned, axis=-1), 1.0, atol=1e-3
