@@ -182,11 +182,14 @@ def draw_trajectory(factor: Factor, numbers: Array) -> Array:
     return x
 
 
-def project_on_parameters(factor: Factor, of_samples: Array) -> Array:
-    """B' A^-1 v (P,), of v (n, e): how gradients by samples' unknowns pull the parameters, but for their sign."""
-    y = of_samples.copy()
-    _forward(factor.L, y)
-    return np.asarray(factor.Y.reshape(-1, factor.Y.shape[2]).T @ y.ravel())
+def project_groups(factor: Factor, of_samples: Array, each: int) -> Array:
+    """B' A^-1 v (groups, P), of every group's v (n, e): how gradients by samples' unknowns pull the parameters, but for their sign.
+
+    A group has `each` samples, v is 0 but there and less than half a group beside it, and stands in `of_samples` (2, n, e), even groups in the first. Time grows linearly with the recording.
+    """
+    pulls = np.zeros((-(-len(factor.Y) // each), factor.Y.shape[2]))
+    _project_groups(factor.L, factor.Y, of_samples, each, pulls)
+    return pulls
 
 
 def whiten(factor: Factor, B: Array) -> Array:
@@ -324,6 +327,31 @@ def _forward(L: Array, y: Array) -> None:
             for k in range(i):
                 y[t, i] -= L[t, 0, i, k] * y[t, k]
             y[t, i] /= L[t, 0, i, i]
+
+
+@looped
+def _project_groups(L: Array, Y: Array, of_samples: Array, each: int, pulls: Array) -> None:
+    n, e, P = Y.shape
+    solved = np.empty((SPAN, e, P))  # A^-1 B of the samples ahead
+    for t in range(n - 1, -1, -1):
+        x = solved[t % SPAN]
+        x[:] = Y[t]
+        for ahead in range(1, min(SPAN, n - t)):
+            _subtract_product(L[t, ahead].T.copy(), solved[(t + ahead) % SPAN], x)
+        for i in range(e - 1, -1, -1):
+            for k in range(i + 1, e):
+                for p in range(P):
+                    x[i, p] -= L[t, 0, k, i] * x[k, p]
+            for p in range(P):
+                x[i, p] /= L[t, 0, i, i]
+        own = t // each
+        beside = own - 1 if 2 * (t - own * each) < each else own + 1
+        for group in (own, beside):
+            if 0 <= group < pulls.shape[0]:
+                for i in range(e):
+                    v = of_samples[group % 2, t, i]
+                    for p in range(P):
+                        pulls[group, p] += v * x[i, p]
 
 
 @looped

@@ -61,16 +61,15 @@ def worst_joint(chain: Chain, squares: Array) -> tuple[int, float]:
 def limb_pulls(problem: Problem, at: Unknowns, factor: Factor) -> Array:
     """Gradients (m, P) of half the sum of squares by the parameters, of each group of samples, with the movement eliminated."""
     n, e, P = factor.Y.shape
-
-    def terms(first: int, last: int) -> Iterator[Placed]:
+    each = round(TOGETHER / problem.dt)
+    own = np.zeros((-(-n // each), P))
+    of_samples = np.zeros((2, n, e))  # of every other group: those beside each other overlap
+    for first in range(0, n, GROUPS * each):
         for kind in residuals.EVERY_SAMPLE:
-            own = kind(problem, at, first, last)
-            yield own, np.arange(e), own.cols
-
-    def eliminate(of_samples: Array) -> Array:
-        return np.array([normal_equations.project_on_parameters(factor, v) for v in of_samples])
-
-    return _group_pulls((n, e, P), problem.dt, terms, eliminate)
+            one = kind(problem, at, first, min(first + GROUPS * each, n))
+            begins = np.maximum(one.first + np.arange(len(one.r)), first)
+            _add_gradients(own, of_samples, one, np.arange(e), one.cols, begins // each)
+    return own - normal_equations.project_groups(factor, of_samples, each)
 
 
 def hand_pulls(
@@ -131,7 +130,7 @@ def _group_pulls(
 def _add_gradients(
     own: Array, of_samples: Array, terms: Terms, rows: Indices, cols: Indices, group: Indices
 ) -> None:
-    """Gradients of residuals by parameters and by samples' unknowns, to those of their groups (T,), in place."""
+    """Gradients of residuals by parameters and by samples' unknowns, to those of their groups (T,), in place; `of_samples` in turn where it has fewer places than there are groups."""
     T = len(terms.r)
     if not T:
         return
@@ -141,4 +140,5 @@ def _add_gradients(
         )
     by = np.einsum("tmi,tm->ti", terms.by_turns, terms.r).reshape(T, terms.knots, -1)
     for knot in range(terms.knots):
-        of_samples[group[:, None], terms.first + knot + np.arange(T)[:, None], rows] += by[:, knot]
+        place = group[:, None] % len(of_samples)
+        of_samples[place, terms.first + knot + np.arange(T)[:, None], rows] += by[:, knot]

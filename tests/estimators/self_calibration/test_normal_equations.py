@@ -58,6 +58,25 @@ def test_draws_have_the_equations_covariance(problem: tuple[Normal, Array, Array
     np.testing.assert_allclose(root @ root.T, np.linalg.inv(J.T @ J), atol=1e-13)
 
 
+def test_groups_of_samples_pull_the_parameters_as_a_dense_solver_says(
+    problem: tuple[Normal, Array, Array],
+) -> None:
+    """Groups of four samples, of which each touches the sample before it and the one behind it."""
+    normal, J, _ = problem
+    both, each = np.zeros((2, N, E)), 4
+    apart = []
+    for group in range(3):
+        v = np.zeros((N, E))
+        first = max(each * group - 1, 0)
+        v[first : each * group + each + 1] = group + 1.0 + np.arange(E)
+        both[group % 2] += v
+        apart.append(v.ravel())
+    information = J.T @ J
+    A, B = information[: N * E, : N * E], information[: N * E, N * E :]
+    found = normal_equations.project_groups(normal_equations.factorise(normal), both, each)
+    np.testing.assert_allclose(found, np.array(apart) @ np.linalg.solve(A, B), atol=1e-11)
+
+
 def test_what_nothing_tells_is_an_error() -> None:
     with pytest.raises(np.linalg.LinAlgError):
         normal_equations.factorise(normal_equations.empty(3, 2, 1))
