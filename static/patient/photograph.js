@@ -89,7 +89,6 @@ export function mount(root, api, { record }) {
       {},
       h("summary", {}, title),
       figuresTable(photograph.table),
-      h("p", { class: "hint" }, t("photograph.positive")),
       h("div", { class: "buttons" }, use, link, gone_for_good),
       said,
     );

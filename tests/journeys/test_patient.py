@@ -1,5 +1,6 @@
 """A patient's page: facts, measures, a photograph of the hand, two windows at once, search."""
 
+import re
 import sqlite3
 import zipfile
 from collections.abc import Callable
@@ -247,6 +248,8 @@ def test_a_photograph_gives_lengths_and_angles(page: Page, patient: int, tmp_pat
     expect(drawing).to_be_hidden()
     shown(page.locator("summary", has_text="Left hand,")).click()
     expect(page.get_by_role("cell", name="°").first).to_be_visible()
+    row = page.get_by_role("row", name="Thumb CMC, sideways")
+    expect(row).to_have_text(re.compile(r"\d°\s±\s\d+\.\d° radial abd\.$"))  # not "-45.0°"
     keep_picture(page, "photograph-figures")
     page.get_by_role("button", name="Take the lengths over").click()
     expect(page.get_by_text("The lengths are in the hand measures.")).to_be_visible()
