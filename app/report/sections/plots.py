@@ -356,13 +356,13 @@ def _bar(ax: Axes, bar: _Bar, number: float) -> None:
                 zorder=3,
                 solid_capstyle="butt",
             )
-    start = min([bar.low, *(t for t in bar.ticks if -number < t - bar.low < 0)])
-    end = max([bar.high, *(t for t in bar.ticks if 0 < t - bar.high < number)])
-    for place, words, shift, align in zip(
-        (start, end), _ends(round(bar.low), round(bar.high)), (-2.2, 2.2), ("right", "left")
-    ):
+    words = _ends(round(bar.low), round(bar.high))
+    before, beyond = (number * max(1.0, 0.4 * len(w)) for w in words)  # "1–92" takes more than "92"
+    start = min([bar.low, *(t for t in bar.ticks if -before < t - bar.low < 0)])
+    end = max([bar.high, *(t for t in bar.ticks if 0 < t - bar.high < beyond)])
+    for place, word, shift, align in zip((start, end), words, (-2.2, 2.2), ("right", "left")):
         ax.annotate(
-            words, (place, bar.y), (shift, -0.2), "data", "offset points", ha=align, va="center"
+            word, (place, bar.y), (shift, -0.2), "data", "offset points", ha=align, va="center"
         )
 
 

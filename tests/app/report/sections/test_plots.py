@@ -128,6 +128,21 @@ def test_reference_values_are_drawn_as_ticks_but_not_at_zero() -> None:
     )  # 100, not 0
 
 
+@pytest.mark.parametrize(("smallest", "beyond"), [(-1, False), (1, True)])
+def test_degrees_stand_beyond_a_reference_tick_that_they_would_lie_on(
+    smallest: int, beyond: bool
+) -> None:
+    """92 is 8 short of the reference value: "92" has room before its tick, "1–92" has none."""
+    ends = math.radians(92), math.radians(smallest)
+    rows = range_rows(
+        [Range("index_pip", "flexion", *ends, 0.0, 0.0, "good", "")], full=True, language=ENGLISH
+    )
+    svg = plots.range_chart(rows, references(), 516.0, ENGLISH)
+    (tick,) = re.findall(r'd="M ([\d.]+) [^"]*" [^>]*stroke-width: 0.8', svg)
+    (number,) = re.findall(r'x="([\d.]+)"[^>]*>(?:1–)?92</text>', svg)
+    assert (float(number) > float(tick)) is beyond
+
+
 def test_a_joint_of_the_finger_keeps_its_line_where_another_is_not_measured() -> None:
     t = np.linspace(0, 5, 50)
     whole = plots.flexion_curves(
