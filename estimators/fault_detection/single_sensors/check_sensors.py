@@ -28,6 +28,7 @@ from handscope.estimators.fault_detection.single_sensors.cells import (
 from handscope.estimators.fault_detection.single_sensors.common_fault import (
     LEAST,
     CommonRate,
+    beyond_the_others,
     common_rate,
     shared_fault,
 )
@@ -192,10 +193,10 @@ def check_gyroscopes(cells: Cells, among: int = 1) -> list[Suspicion]:
     judged = judge(cells)
     found = _of_all(cells, judged)
     if found is None:
-        return list(_of_sensors(cells, judged, max(among, len(judged))))
+        return list(_of_sensors(cells, beyond_the_others(judged), max(among, len(judged))))
     suspicion, M = found
     mended = replace(cells, gyr=cells.gyr @ M.T)
-    return [suspicion, *_of_sensors(mended, judge(mended), len(judged))]
+    return [suspicion, *_of_sensors(mended, beyond_the_others(judge(mended)), len(judged))]
 
 
 def _shared(found: Sequence[Suspicion], cells: Cells) -> list[Suspicion]:

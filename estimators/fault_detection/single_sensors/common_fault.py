@@ -1,12 +1,13 @@
-"""What all gyroscopes of a recording have wrong together: a fault of the file, not of its sensors.
+"""What all gyroscopes of a recording have wrong together: a fault of the file, or accelerations of the arm, not of its sensors.
 
 In      what is judged of every sensor; cells of readings
-Out     the fault that most sensors share, or the factor by which the file's rate is wrong
+Out     the fault that most sensors share, the factor by which the file's rate is wrong, or each sensor's faults without what most of them show
+Source  the null of a recording is that of most of its sensors: Efron 2004, J Am Stat Assoc 99:96
 Limits  a rate told wrong and gyroscopes that all read too much by the same factor look the same
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from handscope.estimators.fault_detection.single_sensors.gravity_windows import 
 )
 from handscope.estimators.fault_detection.single_sensors.gyroscope_check import (
     GAIN,
+    GAINED,
     IDENTITY,
     Judged,
 )
@@ -34,6 +36,10 @@ FINE = 20.0  # log-likelihood that the gyroscope of a sensor without fault gains
 CORRELATED = 4.0  # by how much more the mean of all sensors varies than if their errors had nothing in common: the arm moves them all
 CLOCK = 0.01  # of a rate or of scales: what they may have in common
 ROUNDS, SMALL = 4, 0.003
+FEWEST, OTHERS = (
+    6,
+    2 / 3,
+)  # sensors that show what moves them all, and the share of them whose evidence counts as that
 
 
 @dataclass(frozen=True)
@@ -66,6 +72,27 @@ def shared_fault(judged: Sequence[Judged], surely: Sequence[bool]) -> Fault | No
 
 
 CONTINUOUS = ("gyroscope_gain", "gyroscope_axis_gain", "gyroscope_delay", "gyroscope_matrix")
+
+
+def beyond_the_others(judged: Sequence[Judged]) -> list[Judged]:
+    """The same with all evidence less what gains, matrices and delays have, beyond chance, in all but a third of the other sensors.
+
+    An arm that accelerates as it turns looks like these in every sensor that it carries.
+    """
+    found = np.array([_continuous_evidence(j) for j in judged])
+    if len(found) < FEWEST:
+        return list(judged)
+    others = [float(np.quantile(np.delete(found, k), OTHERS)) for k in range(len(found))]
+    return [_less(j, max(0.0, each - GAINED)) for j, each in zip(judged, others)]
+
+
+def _continuous_evidence(judged: Judged) -> float:
+    return max((v.evidence for v in judged.verdicts if v.fault.code in CONTINUOUS), default=0.0)
+
+
+def _less(judged: Judged, evidence: float) -> Judged:
+    rest = (replace(v, evidence=v.evidence - evidence) for v in judged.verdicts)
+    return replace(judged, verdicts=tuple(v for v in rest if v.evidence > 0))
 
 
 def common_rate(cells: Cells, begin: float = 1.0) -> CommonRate | None:

@@ -7,12 +7,22 @@ import pytest
 
 from handscope.estimators.data.samples import GYR
 from handscope.estimators.fault_detection.single_sensors.check_sensors import check_sensors
+from handscope.estimators.fault_detection.single_sensors.common_fault import beyond_the_others
+from handscope.estimators.fault_detection.single_sensors.gyroscope_check import (
+    GAINED,
+    Judged,
+    Verdict,
+)
 from handscope.estimators.fault_detection.single_sensors.gyroscope_faults import (
     SHARES,
+    Fault,
     discrete_faults,
     share_of,
 )
 from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS
+from handscope.estimators.hand.anatomy import FINGERS
+from handscope.validation.independent.recordings import write_and_load
+from handscope.validation.independent.simulator import daily_movements, free_movement
 from tests.estimators.fault_detection.recordings import (
     by_matrix,
     moved_freely,
@@ -193,3 +203,23 @@ def test_every_order_and_sign_of_axes_is_looked_at_once():
         if "unit" not in f.code
     }
     assert len(matrices) == 48
+
+
+def test_what_an_accelerating_arm_does_to_every_sensor_is_no_fault_of_any():
+    setup = free_movement.Setup(8058, hand="right", fingers=FINGERS, duration=24.0, missed=0.05)
+    reaching, _ = write_and_load(setup, daily_movements.movement("reaching", setup))
+    assert check_sensors(list(reaching.blocks())) == []
+
+
+def test_evidence_counts_beyond_what_the_other_sensors_have():
+    def judged(evidence):
+        fault = Fault("gyroscope_gain", (("gain", 1.3),), 1.3 * np.eye(3))
+        return Judged((Verdict(fault, (0, 4), evidence, 0.1),), 0.0)
+
+    alike = [judged(e) for e in (9.0, 10.0, 11.0, 12.0, 12.0, 13.0)]
+    assert max(v.evidence for j in beyond_the_others(alike) for v in j.verdicts) < 5.0
+    *_, apart = beyond_the_others([*alike, judged(40.0)])
+    assert apart.surest.evidence == pytest.approx(40.0 - 12.0 + GAINED)
+    one_strip = [judged(40.0), judged(40.0), *[Judged((), 0.0)] * 6]
+    assert beyond_the_others(one_strip) == one_strip
+    assert beyond_the_others(alike[:5]) == alike[:5]
