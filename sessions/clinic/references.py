@@ -176,7 +176,7 @@ def _store_first(db: Session, result: Result, reference_values: ReferenceData) -
         before, other = (
             next((p for p in past if p.occasion.session == session), None) for session in sessions
         )
-    return _store(db, result, before, other, author, past, reference_values)
+    return _store(db, result, before, other, author, past, reference_values, number=1)
 
 
 def _last(found: Sequence[ProcessedSession]) -> ProcessedSession | None:
@@ -208,8 +208,9 @@ def _store(
     author: str,
     past: Sequence[ProcessedSession],
     reference_values: ReferenceData,
+    number: int | None = None,
 ) -> References:
-    """Add the next version; where the database takes nothing (a full disk, another reader was first) it is not stored."""
+    """Add the version of a `number`, not stored where the database takes nothing (a full disk, another reader was first); None: the next, or an error."""
     mine = occasion_of(result)
     visits = [
         [p.occasion.result, p.occasion.started.isoformat()]
@@ -225,19 +226,22 @@ def _store(
         "own": [_mdc(row) for row in own],
         "glove": [_mdc(row) for row in glove],
     }
-    number = 1 + max((v.number for v in versions(db, result)), default=0)
-    row = ResultReferences(result_id=result.id, number=number, author=author, made=now(), data=data)
+    following = number or 1 + max((v.number for v in versions(db, result)), default=0)
+    row = ResultReferences(
+        result_id=result.id, number=following, author=author, made=now(), data=data
+    )
     try:
         row.edition_id = _keep_edition(db, reference_values)
         db.add(row)
         db.commit()
     except DBAPIError:
         db.rollback()
-        if author:
+        if number is None:
             raise
-        first = db.scalar(select(ResultReferences).where(ResultReferences.result_id == result.id))
+        stored = select(ResultReferences).where(ResultReferences.result_id == result.id)
+        newest = db.scalar(stored.order_by(ResultReferences.number.desc()).limit(1))
         unstored = ResultReferences(number=0, author="", made=now(), data=data, edition_id="")
-        return _load(db, first) if first else _load(db, unstored, reference_values)
+        return _load(db, newest) if newest else _load(db, unstored, reference_values)
     return _load(db, row)
 
 

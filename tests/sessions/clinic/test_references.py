@@ -8,6 +8,7 @@ from sqlalchemy.orm import Session
 
 from handscope.estimators.errors import InputError
 from handscope.sessions.clinic import references
+from handscope.sessions.clinic.repeatability import ProcessedSession
 from handscope.sessions.db.tables import Repeatability, Result
 from tests.sessions.clinic.test_repeatability import PIP, db, patient, visit
 
@@ -25,6 +26,23 @@ def test_a_later_session_of_the_other_hand_changes_no_older_result(
     visit(one, 0.1, 11.0, hand="right")  # stopped early
     again = references.current(db, mine, VALUES)
     assert (again.number, again.other) == (1, None)
+
+
+def test_two_who_read_a_result_first_at_the_same_time_store_one_version(
+    db: Session, visit: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mine = visit(patient(db, "one"), 0, 22.0)
+    matching = references._matching
+
+    def overtaken(db: Session, result: Result) -> list[ProcessedSession]:
+        """Another reader stores its choice after this one saw that there is none."""
+        monkeypatch.setattr(references, "_matching", matching)
+        references.current(db, result, VALUES)
+        return matching(db, result)
+
+    monkeypatch.setattr(references, "_matching", overtaken)
+    assert references.current(db, mine, VALUES).number == 1
+    assert [v.number for v in references.versions(db, mine)] == [1]
 
 
 def test_the_first_choice_is_the_newest_session_before_of_either_hand(
