@@ -174,6 +174,50 @@ def test_a_replay_is_led_by_the_keyboard_and_repeats_a_task(
     shown(page.get_by_role("button", name="Play"))
 
 
+THUMB_AND_CURSOR = """() => {
+  const [slider, cursor] = [".timeline input", ".cursor"].map((one) => document.querySelector(one));
+  const [box, thumb] = [slider.getBoundingClientRect(), 16];  // px, as browsers draw it
+  const share = (slider.value - slider.min) / (slider.max - slider.min);
+  return [box.left + thumb / 2 + share * (box.width - thumb), cursor.getBoundingClientRect().left];
+}"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(1440, 900), (390, 844)])
+def test_a_replays_slider_is_above_its_curve_and_jump_to_brings_both_near(
+    page_without_scene: Page, server: Server, processed: int, width: int, height: int
+) -> None:
+    page = page_without_scene
+    page.set_viewport_size({"width": width, "height": height})
+    result = api(page, f"/api/sessions/{processed}")["recordings"][0]["results"][-1]["id"]
+    station = api(page, f"/api/results/{result}/replay", "POST")["station"]
+    page.goto(f"{server.base}/stations/{station}")
+    slider = shown(page.get_by_role("slider", name="Time in the recording"))
+    shown(page.locator(".cursor"))
+
+    def stands_at(moment: float) -> None:
+        slider.fill(f"{moment:.2f}")
+        expect(page.locator(".cursor")).to_have_attribute("data-t", f"{moment:.2f}")
+        thumb, cursor = page.evaluate(THUMB_AND_CURSOR)
+        assert abs(thumb - cursor) < 3, moment
+
+    def seen() -> list[float]:
+        return [float(slider.get_attribute(end) or "") for end in ("min", "max")]
+
+    whole = seen()
+    for share in (0.02, 0.5, 0.96):
+        stands_at(round(whole[0] + share * (whole[1] - whole[0]), 1))
+    for chapter in page.locator(".chapters .jump").all():
+        with page.expect_response("**/curves*"):
+            chapter.click()
+        near = seen()
+        assert near[1] - near[0] < 0.95 * (whole[1] - whole[0])
+        for share in (0.02, 0.5, 0.96):
+            stands_at(round(near[0] + share * (near[1] - near[0]), 1))
+    with page.expect_response("**/curves*"):
+        page.get_by_role("button", name="Whole recording").click()
+    assert seen() == whole
+
+
 def test_two_people_write_on_a_session_and_a_wrong_clock_is_corrected(
     another_page: Callable[..., Page], server: Server, processed: int
 ) -> None:
