@@ -107,20 +107,27 @@ def tapping_words(found: Changes, language: Language) -> dict[str, list[tuple[Ch
 
 
 def level_words(change: Change, language: Language) -> str:
-    """A change of a size: "0.40 per s higher, within MDC"."""
-    return _words(change, 1, language, LEVEL)
+    """A change of a size: "0.40 per s higher, within MDC"; of an angle in its own direction, "8° more, within MDC"."""
+    sign, more = _direction(change)
+    return _words(change, sign, language, more)
 
 
 def size_words(c: Change, language: Language) -> str:
     """A change of a size alone: "0.40 per s higher"."""
-    return _which(c, 1, language, LEVEL)[0]
+    sign, more = _direction(c)
+    return _which(c, sign, language, more)[0]
 
 
 def named_change(c: Change, language: Language) -> str:
     """A figure and its change: "Index PIP, flexion 8° more"."""
-    end = c.name.rpartition("_")[2] if c.measure == "range_of_motion" else ""
-    sign, more = (-1 if end == "min" else 1), (MORE if end in ("min", "max") else LEVEL)
+    sign, more = _direction(c)
     return f"{label(c.name, language)} {_which(c, sign, language, more)[0]}"
+
+
+def _direction(c: Change) -> tuple[int, tuple[str, str]]:
+    """The sign of a change that is more, and the words for more and less."""
+    end = c.name.rpartition("_")[2] if c.measure == "range_of_motion" else ""
+    return (-1 if end == "min" else 1), (MORE if end in ("min", "max") else LEVEL)
 
 
 def value_words(name: str, value: float, unit: str, language: Language) -> str:
@@ -133,9 +140,14 @@ def value_words(name: str, value: float, unit: str, language: Language) -> str:
             if end == "min"
             else flexion_words(rad, language)
         )
-    size, is_angle = amount(abs(value), name, unit, language), name.rpartition("_")[0] in DOF_NAMES
+    size, (angle, _, end) = amount(abs(value), name, unit, language), name.rpartition("_")
     is_nothing = size == amount(0.0, name, unit, language)
-    return size if is_angle or is_nothing else directed(name, value, size, language)
+    if angle in DOF_NAMES:
+        joint, _, turn = angle.rpartition("_")
+        ways = ROTATION if turn == "pronation" else SIDES[joint]
+        opposite = not is_nothing and (value < 0) != (end == "min")
+        return f"{size} {side_words(ways[value > 0], language)}" if opposite else size
+    return size if is_nothing else directed(name, value, size, language)
 
 
 def amount(value: float, name: str, unit: str, language: Language) -> str:

@@ -4,14 +4,16 @@ Deficit   how far a joint's flexion stays behind the other hand's, else behind t
 """
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, Literal
 
 from handscope.app.language import Language
-from handscope.app.report.change_words import level_words
+from handscope.app.report.change_words import level_words, value_words
 from handscope.app.report.changes import Change, Changes
 from handscope.app.report.content import Task
 from handscope.app.report.norms import norm_of
-from handscope.app.report.progress.importance import FIRST, LESS_IS_BETTER, MORE_IS_BETTER
+from handscope.app.report.progress.importance import BESIDE, FIRST, LESS_IS_BETTER, MORE_IS_BETTER
+from handscope.app.report.progress.labels import label
 from handscope.app.report.references import Edition, newest
 from handscope.app.report.sections.other_measures import share_words
 from handscope.app.report.sections.range_comparison import reference_of
@@ -19,9 +21,7 @@ from handscope.app.report.sections.range_rows import over_tasks
 from handscope.app.report.units import (
     DEG,
     decimals_of_sd,
-    places_of,
     reading,
-    signed,
     significant_places,
     with_unit,
 )
@@ -43,20 +43,34 @@ def headlines(
     changes: Changes | None,
     other: Compared | None,
     edition: Edition | None,
+    ranges: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> list[dict[str, Any]]:
-    """Tiles by task, in the order of the tasks; a value is that over the trials, as comparisons take it."""
-    kept, tiles = measured_values(figures), dict[str, list[dict[str, Any]]]()
+    """Tiles by task, in the order of the tasks; a value is that over the trials, as comparisons take it. `ranges` lead a task that has no other."""
+    kept, leading = measured_values(figures), [row for row in figures if _leads(row)]
+    others = {task for task, _, _ in leading}
     for task, measure, figure in figures:
-        key = (measure, task, figure.name)
         if (
-            (figure.what or figure.name) in FIRST.get(measure, ())
-            and figure.part != "thumb"  # its motion has a row below
-            and key in kept
+            measure == "range_of_motion"
+            and task not in others
+            and figure.name in ranges.get(task, ())
         ):
-            value, _ = kept.pop(key)
-            shown = _tile(key, figure, value, language, changes, other, edition)
-            tiles.setdefault(task, []).append(shown)
-    return [{"title": titles.get(task, task), "tiles": found} for task, found in tiles.items()]
+            leading.append((task, measure, figure))
+    tiles: dict[str, list[dict[str, Any]]] = {task: [] for task, _, _ in figures}
+    for task, measure, figure in leading:
+        if found := kept.pop((measure, task, figure.name), None):
+            key = (measure, task, figure.name)
+            tiles[task].append(_tile(key, figure, found[0], language, changes, other, edition))
+    return [{"title": titles.get(task, task), "tiles": of} for task, of in tiles.items() if of]
+
+
+def _leads(row: tuple[str, str, Figure]) -> bool:
+    """Whether it comes first of its measure; the thumb's total motion has a row below, a range leads by its task alone."""
+    _, measure, figure = row
+    return (
+        measure != "range_of_motion"
+        and (figure.what or figure.name) in (*FIRST.get(measure, ()), *BESIDE.get(measure, ()))
+        and figure.part != "thumb"
+    )
 
 
 def joint_deficits(
@@ -119,7 +133,7 @@ def _tile(
     other: Compared | None,
     edition: Edition | None,
 ) -> dict[str, Any]:
-    change = changes.of(key[1], key[2]) if changes else None
+    change, is_range = changes.of(key[1], key[2]) if changes else None, key[0] == "range_of_motion"
     theirs = other.values.get(key) if other else None
     against = []
     if theirs:
@@ -132,8 +146,10 @@ def _tile(
         spread = f" ± {language.number(norm.sd, places)}" if norm.sd else ""
         words = with_unit(f"{language.number(norm.mean, places)}{spread}", norm.unit, language)
         against.append(language.labelled(language.say("norm"), words))
+    if reference := _range_reference(figure, edition or newest()):
+        against.append(language.labelled(language.say("norm"), _words(figure, reference, language)))
     return {
-        "label": named(figure, language),
+        "label": label(figure.name, language) if is_range else named(figure, language),
         "value": _words(figure, value, language),
         "against": against,
         "change": level_words(change, language) if change else "",
@@ -143,10 +159,20 @@ def _tile(
     }
 
 
+def _range_reference(figure: Figure, edition: Edition) -> float | None:
+    """How far the end of a range that the figure is conventionally reaches, rad; None of other figures and where nobody tells it."""
+    ends = {
+        f"{r.joint}_{r.angle}_{'max' if r.end == 'largest' else 'min'}": r
+        for r in edition.references
+    }
+    found = ends.get(figure.name)
+    return found.degrees / DEG if found else None
+
+
 def _better_direction(figure: Figure) -> Literal["more", "less", ""]:
     """Whether more of it is better."""
-    what = figure.what or figure.name
-    return "more" if what in MORE_IS_BETTER else "less" if what in LESS_IS_BETTER else ""
+    names = {figure.what or figure.name, figure.name}
+    return "more" if names & MORE_IS_BETTER else "less" if names & LESS_IS_BETTER else ""
 
 
 def _verdict(figure: Figure, change: Change | None) -> Literal["better", "worse", ""]:
@@ -154,14 +180,14 @@ def _verdict(figure: Figure, change: Change | None) -> Literal["better", "worse"
     wanted = _better_direction(figure)
     if change is None or not change.beyond or not wanted:
         return ""
-    return "better" if (change.value > 0) == (wanted == "more") else "worse"
+    grown = change.value < 0 if figure.name.endswith("_min") else change.value > 0
+    return "better" if grown == (wanted == "more") else "worse"
 
 
 def _words(figure: Figure, value: float, language: Language) -> str:
     """A value in the unit a person reads; below zero it is said in words."""
     read = reading(Figure(figure.name, value, figure.unit, ""))
-    places = places_of(figure.name, read.value, read.unit)
-    return signed(figure.name, read.value, places, read.unit, language)
+    return value_words(figure.name, read.value, read.unit, language)
 
 
 def finger_rows(

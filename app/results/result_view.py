@@ -13,6 +13,7 @@ from handscope.app.report.changes import Changes
 from handscope.app.report.content import OtherHand, Task, asked
 from handscope.app.report.gradings import DEFAULT, grade_tasks
 from handscope.app.report.norms import norm_of
+from handscope.app.report.progress.importance import leading_ranges
 from handscope.app.report.references import Edition
 from handscope.app.report.sections.other_measures import other_measures
 from handscope.app.report.sections.range_comparison import flexion_with_sd
@@ -103,7 +104,8 @@ def _headlines(
     """Two to four figures a task, with the other hand, the norm and the change."""
     rows = [(f["task"], f["measure"], _stored_figure(f)) for f in figures]
     titles = {task: _title({"task": task}, protocols.get(task), language) for task, _, _ in rows}
-    return headlines(rows, titles, language, changes, compared, edition)
+    ranges = {task: leading_ranges(protocols.get(task)) for task in titles}
+    return headlines(rows, titles, language, changes, compared, edition, ranges)
 
 
 def _trust(

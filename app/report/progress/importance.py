@@ -2,7 +2,9 @@
 
 from collections.abc import Mapping
 
-from handscope.estimators.hand.anatomy import FINGERS
+from handscope.app.protocols import Protocol
+from handscope.app.report.content import asked
+from handscope.estimators.hand.anatomy import DOF_NAMES, FINGERS
 from handscope.sessions.clinic.repeatability import Key
 
 CYCLES = ("rate", "amplitude_mean", "decrement_ratio")
@@ -18,7 +20,17 @@ HEADLINES: Mapping[str, tuple[str, ...]] = {  # figures of a measure that come f
     "lift": ("lift_grip_hold", "lift_load_hold"),
     "squeeze": ("squeeze_force", "squeeze_depth"),
 }
-FIRST: Mapping[str, tuple[str, ...]] = {"total_active_motion": ("tam",), **HEADLINES}
+WRIST = tuple(
+    f"wrist_{end}" for end in ("flexion_max", "flexion_min", "deviation_max", "deviation_min")
+)
+FIRST: Mapping[str, tuple[str, ...]] = {
+    "total_active_motion": ("tam",),
+    "range_of_motion": WRIST,
+    **HEADLINES,
+}
+BESIDE: Mapping[str, tuple[str, ...]] = {
+    "finger_spread": ("spread",)
+}  # at one glance, not in a course
 _MEASURES = list(FIRST)
 MORE_IS_BETTER = frozenset(
     {
@@ -27,8 +39,16 @@ MORE_IS_BETTER = frozenset(
             for movement in ("tapping", "open_close", "pronation_supination")
             for name in CYCLES
         ),
-        *("tam", "whole_spread", "palmar_abduction", "radial_abduction", "pronation", "supination"),
-        *("kapandji_score", "reach_distance", "squeeze_force"),
+        *(
+            "tam",
+            "whole_spread",
+            "spread",
+            "palmar_abduction",
+            "radial_abduction",
+            "pronation",
+            "supination",
+        ),
+        *("kapandji_score", "reach_distance", "squeeze_force", "flexion_max", *WRIST),
     }
 )
 LESS_IS_BETTER = frozenset({"reach_trunk_forward"})  # the arm reaches, not the trunk
@@ -36,7 +56,9 @@ LESS_IS_BETTER = frozenset({"reach_trunk_forward"})  # the arm reaches, not the 
 
 def rank(key: Key) -> tuple[int, int, str] | None:
     """Where a figure stands among those that come first: by measure, kind and finger; None where it is none of them."""
-    measure, _, name = key
+    measure, task, name = key
+    if measure == "range_of_motion" and "wrist" not in task:
+        return None  # which leaves the wrist alone
     kinds = FIRST.get(measure, ())
     for k, what in enumerate(kinds):
         if name == what or name.endswith(f"_{what}"):
@@ -44,6 +66,19 @@ def rank(key: Key) -> tuple[int, int, str] | None:
             place = f"{FINGERS.index(finger)}" if finger else ""
             return _MEASURES.index(measure), k, place
     return None
+
+
+def leading_ranges(protocol: Protocol | None) -> tuple[str, ...]:
+    """Of a task of ranges the two to four figures that come first: both ends of each angle asked for at the joint of its curve, of a finger's joint the flexion of all fingers."""
+    joint, _, _ = protocol.curve.rpartition("_") if protocol else ("", "", "")
+    finger, _, name = joint.partition("_")
+    if finger in FINGERS[1:]:
+        wanted = [f"{one}_{name}_flexion" for one in FINGERS[1:]]
+        return tuple(f"{angle}_max" for angle in wanted if angle in (asked(protocol) or ()))
+    angles = [angle for angle in DOF_NAMES if angle in (asked(protocol) or ())]
+    return tuple(
+        f"{a}_{end}" for a in angles if a.startswith(f"{joint}_") for end in ("max", "min")
+    )
 
 
 def finger_of(name: str) -> str:

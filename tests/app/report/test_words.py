@@ -77,6 +77,10 @@ def test_side_motion_names_both_directions(
         ("index_pip_flexion_max", 82.4, "deg", "82°"),
         ("index_pip_flexion_min", -8.0, "deg", "8° hyperextension"),
         ("index_mcp_deviation_min", -12.0, "deg", "12°"),
+        ("wrist_deviation_max", 18.0, "deg", "18°"),
+        ("wrist_deviation_max", -12.0, "deg", "12° radial"),  # its name says ulnar
+        ("wrist_deviation_min", 3.0, "deg", "3° ulnar"),
+        ("thumb_cmc_pronation_min", 60.0, "deg", "60° pronation"),
         ("radial_abduction", -5.0, "deg", "5° smaller"),
         ("tapping_decrement_slope", -0.56, "mm", "0.56 mm smaller"),
         ("pronation_supination_decrement_slope", 2.26, "deg", "2.26° larger"),

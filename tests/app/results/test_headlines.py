@@ -1,13 +1,16 @@
 """The result at one glance: value, other hand, norm and change in one tile; each joint's deficit as a level."""
 
 from datetime import UTC, datetime
+from itertools import pairwise
 
 import pytest
 
 from handscope.app.language import languages
+from handscope.app.protocols import load_all
 from handscope.app.report.change_words import value_words
 from handscope.app.report.changes import Change, Changes
 from handscope.app.report.content import Task
+from handscope.app.report.progress.importance import WRIST, leading_ranges
 from handscope.app.report.units import READABLE
 from handscope.app.results.headlines import headlines, joint_deficits
 from handscope.estimators.measures.assessment import TaskResult
@@ -15,6 +18,7 @@ from handscope.estimators.measures.figure import Figure
 from handscope.estimators.measures.range_of_motion import Range
 from handscope.sessions.clinic.references import Compared
 
+LONG = ("index", "middle", "ring", "little")
 EN, DE = (languages()[code] for code in ("en", "de"))
 DEG = 3.141592653589793 / 180
 MOMENT = datetime(2026, 11, 24, 10, 12, tzinfo=UTC)
@@ -98,6 +102,62 @@ def test_a_fist_has_a_tile_for_each_long_fingers_total_motion() -> None:
         "Index", "Middle", "Ring", "Little",
     ]  # fmt: skip
     assert task["tiles"][0]["value"] == "229°"
+
+
+def test_a_spread_has_a_tile_for_each_gap_and_the_whole() -> None:
+    pairs = [(f"{a}_{b}", "spread") for a, b in pairwise(LONG)]
+    rows = [
+        (
+            "rom_spread",
+            "finger_spread",
+            Figure(f"{part}_{what}", 0.3, "rad", "x", part=part, what=what),
+        )
+        for part, what in [*pairs, ("index_little", "whole_spread")]
+    ]
+    (task,) = headlines(rows, {}, EN, None, None, None)
+    assert [tile["value"] for tile in task["tiles"]] == ["17°"] * 4
+    assert task["tiles"][0]["against"] == ["Reference value: 17.2 ± 2.6°"]
+
+
+@pytest.mark.parametrize(
+    ("task", "names"),
+    [
+        ("rom_wrist", [*WRIST]),
+        ("rom_wrist_deviation", ["wrist_deviation_max", "wrist_deviation_min"]),
+        ("rom_thumb_ip", ["thumb_ip_flexion_max", "thumb_ip_flexion_min"]),
+        ("prom_pip", [f"{finger}_pip_flexion_max" for finger in LONG]),
+        ("tapping", []),
+    ],
+)
+def test_a_task_of_ranges_alone_is_led_by_its_joint(task: str, names: list[str]) -> None:
+    assert list(leading_ranges(load_all()[task])) == names
+
+
+def test_a_wrist_has_tiles_with_its_directions_the_other_hand_and_more_is_better() -> None:
+    measured = dict(zip(WRIST, (40.0, -35.0, 20.0, -15.0)))
+    rows = [
+        (task, "range_of_motion", Figure(name, v * DEG, "rad", "x", part="wrist", what=name[6:]))
+        for task in ("rom_fist", "rom_wrist")
+        for name, v in measured.items()
+    ]
+    change = Change("range_of_motion", "rom_wrist", WRIST[1], -14.0, "deg", 12.0, "published", ())
+    theirs = Compared(
+        1, 1, "right", MOMENT, "1",
+        {("range_of_motion", "rom_wrist", WRIST[1]): (-62 * DEG, "rad")},
+    )  # fmt: skip
+    ranges = {task: leading_ranges(load_all()[task]) for task in ("rom_fist", "rom_wrist")}
+    told = headlines(rows, {}, EN, Changes(MOMENT, (change,)), theirs, None, ranges)
+    (tiles,) = (task["tiles"] for task in told if task["title"] == "rom_wrist")
+    assert [tile["label"] for tile in tiles] == [
+        "Wrist, flexion", "Wrist, extension", "Wrist, ulnar", "Wrist, radial",
+    ]  # fmt: skip
+    assert [tile["value"] for tile in tiles] == ["40°", "35° extension", "20°", "15°"]
+    assert tiles[1]["against"] == [
+        "Right hand, 24 November 2026, 10:12 UTC: 62° extension",
+        "Reference value: 70° extension",
+    ]
+    assert tiles[1]["change"].startswith("14° more")
+    assert (tiles[1]["wanted"], tiles[1]["verdict"]) == ("more", "better")
 
 
 @pytest.mark.parametrize(
