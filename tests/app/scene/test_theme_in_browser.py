@@ -13,6 +13,7 @@ from handscope.estimators.hand.anatomy import JOINT
 from handscope.estimators.numerics.typing import Array
 from tests.app.scene.small_site import Site
 from tests.app.scene.test_scene_in_browser import Picture, opened, seen, settled
+from tests.schedule import swept
 
 pytestmark = pytest.mark.browser
 TEXT, DRAWN = 4.5, 3.0  # WCAG 2.2 AA: of text, and of what else has to be seen
@@ -62,7 +63,7 @@ def is_light(picture: Picture) -> bool:
     return edge(picture) > 0.6
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", swept(["light", "dark"], kept=["dark"]))
 def test_the_scene_is_as_the_device_has_it_and_its_number_and_arc_are_seen(
     page: Page, scene: HandScene, scheme: str
 ) -> None:
