@@ -56,7 +56,9 @@ from handscope.estimators.pipeline.recording_calibration import with_known
 from handscope.estimators.sensors import fault_detection
 
 log = logging.getLogger(__name__)
-QUEUE = 2000  # blocks, about 3 s of 7 streams at 10 ms; older ones are skipped
+# blocks, a minute of 7 streams at 10 ms, which computing a calibration may take while other work, such as translating the estimators, keeps the
+# cores; older ones are skipped, and headings are lost with them
+QUEUE = 42_000
 PAST_SAMPLES = 90.0  # s of raw samples, for a pose or a calibration movement that just ended
 PAST_POSES = PAST_SAMPLES  # s of trajectory: poses are read together with their samples
 # trajectories joined into one: few large arrays need less memory and garbage collection

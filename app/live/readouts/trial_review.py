@@ -22,7 +22,7 @@ from handscope.app.report.units import places_of, reading, signed
 from handscope.app.report.words import named
 from handscope.app.results.quantity_curve import value_of
 from handscope.estimators.data.samples import Block, Event
-from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.hand.anatomy import FINGERS
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.measures import repetitions, tapping
@@ -80,7 +80,7 @@ def review(
         else [round(float(t), 3) for t in _marks(results, shown.t, values, curve)],
         "figures": [_figure(r, f, curve, earlier) for r, f in select_figures(results, curve)],
         "fingers": _fingers(results, curve),
-        "problem": problem_of(blocks, protocol, curve, values, trial),
+        "problem": lost_heading(shown) or problem_of(blocks, protocol, curve, values, trial),
         "taps": next((r.details.count for r in results if r.measure == "tapping"), None),
     }
 
@@ -96,6 +96,12 @@ def select_figures(results: Sequence[TaskResult], curve: str) -> list[tuple[Task
     ends = (f"{curve}_max", f"{curve}_min", f"{curve}_range")
     own = [(r, f) for end in ends for r, f in known if f.name == end]
     return [*first, *own][:MOST]
+
+
+def lost_heading(rows: Trajectory) -> dict[str, Any] | None:
+    """Whether segments point nobody knows where, since a gap: the gravest that can be wrong, as everything shown since is."""
+    lost = (rows.flags & np.uint8(Flag.HEADING_LOST)).any(axis=1)
+    return {"kind": "heading"} if len(rows) and lost.mean() > TRUSTED else None
 
 
 def problem_of(

@@ -132,6 +132,18 @@ def test_the_trail_is_the_path_of_the_last_seconds_however_late_somebody_asks_fo
     np.testing.assert_allclose(asked_at_last, trail, atol=2e-3)
 
 
+def test_what_comes_while_a_calibration_computes_for_long_is_followed_afterwards() -> None:
+    recording = in_strips("left")
+    tracking, _ = live()
+    waited = [b for blocks in pieces(dict(recording.samples), 0.005) for b in blocks]
+    assert len(waited) > 7 * 5.0 / 0.01  # more than seven streams send in 5 s
+    tracking.feed(waited)  # before its thread takes anything
+    with tracking:
+        newest = max(float(b.t[-1]) for b in recording.samples.values())
+        wait_for(lambda: tracking.newest_sample() >= newest)
+    assert tracking.skipped == 0
+
+
 def test_a_full_queue_skips_the_oldest_and_counts_it() -> None:
     tracking, _ = live()  # not entered: nothing takes the blocks out
     block = next(iter(in_strips("left").samples.values())).between(0.0, 0.02)

@@ -10,13 +10,15 @@ from handscope.app.live.readouts.trial_review import (
     LEAST,
     EarlierFigures,
     localised_review,
+    lost_heading,
     problem_of,
     review,
 )
 from handscope.app.protocols import load_all
 from handscope.app.results.quantity_curve import value_of
 from handscope.estimators.data.samples import Block
-from handscope.estimators.hand.anatomy import FINGERS
+from handscope.estimators.data.trajectory import Flag
+from handscope.estimators.hand.anatomy import FINGERS, SEGMENT
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.measures import repetitions
 from handscope.estimators.simulation.scenario import Simulated, simulate
@@ -130,6 +132,21 @@ def test_what_was_wrong_is_said_the_gravest_alone(
     assert (problem and problem["kind"]) == kind
     if kind == "lost":
         assert problem is not None and problem["percent"] == pytest.approx(100 * share, abs=2)
+
+
+def test_a_heading_that_was_lost_is_said_before_all_else(fist: Simulated) -> None:
+    onset, end, _ = trial_of(fist)
+    rows = fist.truth.between(onset, end)
+    assert lost_heading(rows) is None
+    flags = rows.flags.copy()
+    flags[:, SEGMENT["ring_middle"]] |= np.uint8(Flag.HEADING_LOST)
+    lost = replace(rows, flags=flags)
+    assert lost_heading(lost) == {"kind": "heading"}
+    trial = (onset, end, ())
+    found = review(
+        lost, [], PROTOCOLS["rom_fist"], "index_pip_flexion", trial, fist.geometry, EarlierFigures()
+    )
+    assert found["problem"] == {"kind": "heading"}
 
 
 def test_a_movement_that_could_not_be_followed_is_said(fist: Simulated) -> None:
