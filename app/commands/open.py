@@ -9,7 +9,7 @@ from handscope.estimators.errors import InputError
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of the verb: those of a server, which count where one is started."""
+    """Declare the arguments of the verb: server options; used only if a server is started."""
     serve.add(parser)
 
 

@@ -96,13 +96,13 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--six-axes",
         action="store_true",
-        help="of lift and squeeze: the force sensors tell torques as well",
+        help="lift and squeeze only: force sensors also measure torque",
     )
     parser.add_argument(
         "--markers",
         type=Path,
         metavar="FILE.tsv",
-        help="Qualisys export of a hand of --hand: what `captured` moves like",
+        help="Qualisys export of a hand of --hand: the movement that `captured` replays",
     )
 
 
@@ -152,7 +152,9 @@ def _made(arguments: argparse.Namespace) -> Simulated:
         np.random.default_rng(arguments.seed),
         PRESETS["ideal" if arguments.ideal else arguments.preset],
     )
-    if arguments.misalignment is not None:
+    if (
+        arguments.misalignment is not None
+    ):  # angles are uniform between 0 and it: mean and half-width are its half
         errors = replace(
             errors,
             misalignment=arguments.misalignment / 2,
@@ -223,7 +225,7 @@ def _functional(
     errors: SensorErrors,
     field: MagneticField,
 ) -> Simulated:
-    """Somebody does the initial pose, the steps of a functional calibration and moves freely; --pose-error is of every posture held."""
+    """Somebody does the initial pose, the steps of a functional calibration and moves freely; --pose-error applies to every held posture."""
     of_person, of_motion, of_sensors = rng.spawn(3)
     person = draw_person(arguments.hand, of_person)
     pose = task_performance.initial_pose(

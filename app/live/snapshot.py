@@ -12,7 +12,7 @@ from handscope.app.devices.ports import is_relay
 from handscope.app.live.readouts.angle_rows import angle_rows
 from handscope.app.live.readouts.trial_review import UNCOUNTED
 from handscope.app.live.setup import Setup
-from handscope.app.live.wizard import machine as wz
+from handscope.app.live.wizard import machine
 from handscope.app.live.wizard.machine import State, StationStatus, Wizard
 from handscope.app.live.wizard.snapshot import wizard_snapshot
 from handscope.app.results.quantity_curve import Curve
@@ -84,7 +84,7 @@ class StationView:
     task_number: Mapping[str, Any] | None  # estimated for a task of UNCOUNTED
     sensor_faults: Sequence[str]
     findings: Sequence[Suspicion]  # of the checks over what has come so far
-    trackers: Sequence[Mapping[str, Any]]  # sensors of a source, a row each
+    trackers: Sequence[Mapping[str, Any]]  # one row per tracked sensor
     ended: bool
 
 
@@ -188,7 +188,7 @@ def _strips(glove: GloveView) -> list[dict[str, Any]]:
 
 
 def _expected_streams(glove: GloveView) -> list[str]:
-    """Names of streams that the glove stated or that gave samples in this session: what is missing of them is a fault."""
+    """Names of streams that the glove declared or that gave samples in this session: a stream missing from these is a fault."""
     return sorted({s.name for s in glove.streams.values()} | set(glove.counts))
 
 
@@ -252,15 +252,15 @@ def _numbers(view: StationView) -> list[dict[str, Any]]:
     """Live numbers of the task or calibration movement that runs or was just done."""
     w, points = view.wizard, view.curve_points
     if w.protocol is None or w.state not in (
-        *wz.RUNNING,
+        *machine.RUNNING,
         State.TASK_PAUSED,
         State.TASK_REVIEW,
         State.STEP_REVIEW,
     ):
         return []
     if w.state is State.FREE_RUN or (
-        w.state in wz.STEPPING and not w.protocol.cycle
-    ):  # the meter shows it, or nothing bends
+        w.state in machine.STEPPING and not w.protocol.cycle
+    ):  # free movement has its own meter; non-cyclic steps have no repetitions
         return []
     t, values = np.array(points).reshape(-1, 2).T
     done = values[t > w.onset]

@@ -26,14 +26,14 @@ class Params(fusion_pipeline.Params, Noise, Requirements, ContactParams, PoseErr
     least_rate: float = option(
         25.0,
         "Hz",
-        "rate of samples that are solved for where movement is slow, ten in a period of the fastest where it is not: of more frequent samples every second, third and so on is taken, gyroscopes count at every sample",
+        "samples used per second in slow movement; fast movement gets ten in a period of its fastest part. Of more frequent samples every second, third and so on is used; gyroscopes count at every sample",
         "ours: docs/decisions/0022-rate-of-self-calibration.md",
         least=10.0,
     )
     length_guess: float = option(
         0.05,
         "1",
-        "how far a length that no movement tells may be off, share of it",
+        "relative standard deviation of a segment length that the movement does not reveal",
         "Salchow-Hoemmen 2019, 5: ratios vary by a few percents; size ours",
     )
     hand_skin: float = option(

@@ -1,4 +1,4 @@
-"""What a source of another protocol gave, as it came: kept beside the wire bytes that were made of it, and passed over by whoever opens the recording.
+"""What a source of another protocol gave, as it came: kept beside the wire bytes that were made of it, and ignored when the recording is opened.
 
 In      messages of channel `original` of a native recording (docs/recording.md)
 Out     a head of JSON in one line, which says what the bytes behind it are
@@ -29,7 +29,7 @@ def pack(original: Original) -> bytes:
 
 
 def unpack(data: bytes) -> Original:
-    """The message of these bytes; ValueError where they are none."""
+    """The message of these bytes; ValueError if they are not a message."""
     head, _, body = data.partition(b"\n")
     return Original(json.loads(head), body)
 

@@ -27,7 +27,7 @@ class RecordingEnds:
 
     metadata: dict[str, Any]
     events: tuple[Event, ...]
-    streams: tuple[Stream, ...]  # of which a sample came at the beginning
+    streams: tuple[Stream, ...]  # streams with a sample in the head of the recording
     device_id: int
     duration: float  # s between the first and the last arrival
     finished: bool
@@ -55,7 +55,7 @@ def _read_from(file: IO[bytes], at: int) -> RecordingEnds | None:
         elif topic != "wire":
             store_message(contents, topic, message)
     streams = tuple(s for s in assembler.streams.values() if assembler.counts[s.name].samples)
-    if not streams or assembler.identity is None or _is_foreign(contents):
+    if not streams or assembler.identity is None or _lacks_readable_format(contents):
         return None
     return RecordingEnds(
         contents.metadata,
@@ -67,7 +67,7 @@ def _read_from(file: IO[bytes], at: int) -> RecordingEnds | None:
     )
 
 
-def _is_foreign(contents: Contents) -> bool:
+def _lacks_readable_format(contents: Contents) -> bool:
     version = contents.metadata.get("format_version")
     return not isinstance(version, int) or version > FORMAT_VERSION
 

@@ -26,8 +26,12 @@ class AccessDeadlines:
         self._lock = threading.Lock()
         self._ends: dict[int, float] = {}  # s of the clock
 
+    def start_countdown(self, access: EmergencyAccess) -> None:
+        """Count from now how long the access still lasts, unless it is counted already."""
+        self.lasts(access)
+
     def lasts(self, access: EmergencyAccess) -> bool:
-        """Whether it lasts still. The first question about an access begins its count, so it is asked when one is made."""
+        """Whether it lasts still; the countdown of an access that has none starts."""
         left = min(access.ends - now(), access.ends - access.begun).total_seconds()
         with self._lock:
             moment = self._clock()
@@ -49,7 +53,7 @@ def enable(database: sessionmaker[Session], clock: Callable[[], float] = time.mo
     database.configure(info={DEADLINES: deadlines})
     with database() as db:
         for access in db.scalars(select(EmergencyAccess).where(EmergencyAccess.ends > now())):
-            deadlines.lasts(access)
+            deadlines.start_countdown(access)
 
 
 def deadlines_of(db: Session) -> AccessDeadlines:

@@ -1,6 +1,6 @@
 """Emergency access ("break the glass"): a clinician opens a patient of another ward by the code, with a reason, for some hours.
 
-Its end does not hang on the time of day alone, which may be set back: access_deadlines.py.
+Its end does not depend on the wall clock alone, which may be set back: access_deadlines.py.
 The reason lies with the patient, and is erased with the patient. The audit trail, which holds no text, has who opened
 which patient until when, and the reason's SHA-256: a reason that was changed afterwards is found.
 """
@@ -21,14 +21,14 @@ from handscope.sessions.wards.access_deadlines import deadlines_of
 
 LASTS = timedelta(hours=4)
 SHORTEST, LONGEST = 10, 1000  # characters of a reason
-SHOWN = timedelta(days=90)  # how long a ward's head is shown one
+SHOWN = timedelta(days=90)  # how long a head of ward sees an access listed
 KIND = "emergency_access"
 
 
 def open_patient(
     db: Session, account_id: int, visibility: Visibility | None, pseudonym: str, reason: str
 ) -> EmergencyAccess:
-    """Let the account see the patient with this code for LASTS; InputError where there is none, or where it is seen anyway."""
+    """Let the account see the patient with this code for LASTS; InputError where there is none, or where it is already visible to the account."""
     reason = _checked_reason(reason)
     code = " ".join(pseudonym.split())
     with unrestricted(db):
@@ -48,7 +48,7 @@ def open_patient(
     event = audit.AuditEvent("created", KIND, str(access.id), found.id, counts)
     audit.record(db, event)
     db.commit()
-    deadlines_of(db).lasts(access)  # its count begins
+    deadlines_of(db).start_countdown(access)
     return access
 
 

@@ -1,19 +1,19 @@
 /** The glove's port in a worker: opened again whenever it went away. */
 const BAUD = 115200; // ignored by USB
 const BUFFER = 1 << 20; // bytes that the browser holds for us
-const AGAIN = 500; // ms
+const RETRY_MS = 500;
 
 /** `take` gets the bytes, `change` "open", "away" or "missing"; while `full()` nothing is read. */
-export function readPort(which, { take, full, change }) {
+export function readPort(usbIds, { take, full, change }) {
   let port = null;
   let reader = null;
   let writer = null;
   let stopped = false;
-  const pause = () => new Promise((resolve) => setTimeout(resolve, AGAIN));
+  const pause = () => new Promise((resolve) => setTimeout(resolve, RETRY_MS));
 
   async function run() {
     while (!stopped) {
-      port = await find(which);
+      port = await find(usbIds);
       if (!port) change("missing");
       else await read().catch(() => null);
       if (!stopped) await pause();

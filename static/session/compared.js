@@ -36,7 +36,7 @@ export function mount(root, api, { payload, what, names }) {
 
 const unitOf = (payload) => (payload.unit === "deg" ? "°" : ` ${payload.unit}`);
 
-/** A direction in words, never a bare minus. */
+/** A direction in words, with "above" or "below" instead of a minus sign. */
 export function differenceWords(value, unit) {
   const size = `${decimal(Math.abs(value), 1).replace(/\D0$/, "")}${unit}`;
   return value ? t(value > 0 ? "compare.above" : "compare.below", { size }) : size;

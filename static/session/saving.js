@@ -1,11 +1,11 @@
-/** A file that is made on demand: what is being prepared stands in a line with a way to stop it, then in the downloads. */
+/** Shows progress of a file made on demand, with a stop button. */
 import { h } from "../dom.js";
 import { t } from "../words/words.js";
 
 export function saving(api) {
   const element = h("div", { class: "savings small", "aria-live": "polite" });
 
-  /** Ask for it and save it; false where somebody stopped it. */
+  /** Ask for it and save it, or say that it was stopped; an error is thrown. */
   async function save(path, file) {
     const asked = new AbortController();
     const words = t("downloads.preparing", { file });

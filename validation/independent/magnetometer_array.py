@@ -245,7 +245,7 @@ def made(trial: Trial, folder: Path) -> Scene:
         boards.table(
             folder / "turned.csv",
             turned_t,
-            boards.read_fields(board, turned, of_chips, since=False),
+            boards.read_fields(board, turned, of_chips, after_calibration=False),
         )
     boards.description(folder / "board.json", board, **condition.more_fields)
     return scene

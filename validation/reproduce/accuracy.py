@@ -32,7 +32,7 @@ def rms(values: Array) -> float:
 
 
 def tip_rmse(estimate: Trajectory, truth: Trajectory, fingers: Sequence[str]) -> float:
-    """Of the tips' distance from the truth in the wrist frame, m. Source: Salchow-Hoemmen 2019, (30), (31)."""
+    """RMS of the tips' distance from the truth in the wrist frame, m. Source: Salchow-Hoemmen 2019, (30), (31)."""
     k = [FINGERS.index(finger) for finger in fingers]
     return rms(np.linalg.norm(estimate.tips[:, k] - truth.tips[:, k], axis=-1))
 
@@ -43,7 +43,7 @@ def angle_difference(a: Array, b: Array) -> Array:
 
 
 def nees(error: Array, sd: Array) -> float:
-    """Mean normalised error squared over all values that are known: 1 is honest, less too careful."""
+    """Mean normalised error squared over all values that are known. 1: consistent; below 1: sd too large; above: too small."""
     return float(np.nanmean((error / sd) ** 2))
 
 
@@ -56,7 +56,7 @@ def angle_errors(estimate: Trajectory, truth: Trajectory, joints: Sequence[str])
 
 
 def distance_rmse(a: Array, b: Array, distance: float) -> float:
-    """Of the distance between points (n, 3) against the known one, m. Source: Salchow-Hoemmen 2019, (32), (31)."""
+    """RMS of the distance between points (n, 3) against the known one, m. Source: Salchow-Hoemmen 2019, (32), (31)."""
     return rms(np.linalg.norm(a - b, axis=-1) - distance)
 
 

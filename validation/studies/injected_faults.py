@@ -1,4 +1,4 @@
-"""Faults of sensors and of files that are injected into faultless recordings, each with its sizes and the code of the finding that is due."""
+"""Faults of sensors and of files that are injected into faultless recordings, each with its sizes and the code of the finding expected."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -14,12 +14,12 @@ from handscope.estimators.numerics.typing import Array
 
 
 def _gyroscope(
-    M: Callable[[float, int], Array], since: float = 0.0
+    M: Callable[[float, int], Array], start: float = 0.0
 ) -> Callable[[Cells, float, int], Cells]:
-    """A fault: angular rates multiplied by the matrix M(size, axis), from a share of the recording on."""
+    """A fault: angular rates multiplied by the matrix M(size, axis), from `start` (fraction of the recording) on."""
 
     def inject(cells: Cells, size: float, axis: int) -> Cells:
-        gyr, first = cells.gyr.copy(), int(since * len(cells.gyr))
+        gyr, first = cells.gyr.copy(), int(start * len(cells.gyr))
         gyr[first:] = gyr[first:] @ M(size, axis).T
         return replace(cells, gyr=gyr)
 
@@ -32,7 +32,7 @@ def negated_axis(axis: int) -> Array:
 
 
 def exchanged_axes(axis: int) -> Array:
-    """The matrix (3, 3) that exchanges two axes, three pairs by number."""
+    """The matrix (3, 3) that swaps two axes: 0 x and y, 1 x and z, 2 y and z."""
     return np.asarray(np.eye(3)[list(((1, 0, 2), (2, 1, 0), (0, 2, 1))[axis])])
 
 
@@ -47,7 +47,7 @@ def _rotate_about(size: float, axis: int) -> Array:
 
 
 def _delay_gyroscope(cells: Cells, size: float, axis: int) -> Cells:
-    """Angular rates that come `size` s late."""
+    """Angular rates delayed by `size` s; the first is repeated."""
     n = round(size / CELL)
     return replace(
         cells,
@@ -102,7 +102,7 @@ def change_clock_rate(blocks: list[Block], percent: float) -> list[Block]:
 
 
 def drop_rows(blocks: list[Block], seconds: float) -> list[Block]:
-    """Rows dropped in the middle of the recording, the times going on."""
+    """Rows dropped in the middle of the recording; timestamps are shifted to close the gap."""
     out, at = [], 0.55 * max(b.t[-1] for b in blocks)
     for b in blocks:
         rows = (b.t < at) | (b.t >= at + seconds)
@@ -111,7 +111,7 @@ def drop_rows(blocks: list[Block], seconds: float) -> list[Block]:
 
 
 def freeze_samples(blocks: list[Block], seconds: float) -> list[Block]:
-    """Blocks in which a sensor repeats its sample for so many seconds."""
+    """Blocks in which every sensor repeats one sample for so many seconds."""
     out, at = [], 0.55 * max(b.t[-1] for b in blocks)
     for b in blocks:
         rows, values = np.flatnonzero((b.t >= at) & (b.t < at + seconds)), b.values.copy()

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from handscope.app.live.wizard import machine as wz
+from handscope.app.live.wizard import machine
 from handscope.app.live.wizard.machine import State, StationStatus, Wizard
 from handscope.app.live.wizard.texts import STEP_OF, STEPS, title_and_sentence
 from handscope.app.protocols import Protocol
@@ -15,8 +15,8 @@ def wizard_snapshot(w: Wizard, status: StationStatus) -> dict[str, Any]:
     protocol = w.protocol
     in_task = w.state in (
         State.TASK_READY,
-        *wz.COUNTING,
-        *wz.RUNNING,
+        *machine.COUNTING,
+        *machine.RUNNING,
         State.STEP_READY,
         State.FREE_READY,
     )
@@ -25,7 +25,7 @@ def wizard_snapshot(w: Wizard, status: StationStatus) -> dict[str, Any]:
         if in_task and protocol and status.is_recording
         else title_and_sentence(w, status)
     )
-    steps = [p.name for p in w.steps_offered(status)] if w.state in wz.STEPPING else []
+    steps = [p.name for p in w.steps_offered(status)] if w.state in machine.STEPPING else []
     if in_task and w.task in steps and status.is_recording:
         title = phrase("wizard.step_of", k=steps.index(w.task) + 1, n=len(steps), title=title)
     return {
@@ -41,9 +41,11 @@ def wizard_snapshot(w: Wizard, status: StationStatus) -> dict[str, Any]:
         "passive": w.passive,
         "mode": protocol.mode if in_task and protocol else "active",
         "actions": w.allowed(status),
-        "progress": round(wz.progress_share(w, status), 3),
-        "remaining": None if (left := wz.remaining_time(w, status)) is None else round(left, 2),
-        "still": status.angular_rate_peak <= wz.STILL_RATE,
+        "progress": round(machine.progress_share(w, status), 3),
+        "remaining": None
+        if (left := machine.remaining_time(w, status)) is None
+        else round(left, 2),
+        "still": status.angular_rate_peak <= machine.STILL_RATE,
         "fastest_segment": status.fastest_segment,
         "task": w.task,
         "following": {"name": following.name, "title": following.title}
@@ -53,7 +55,7 @@ def wizard_snapshot(w: Wizard, status: StationStatus) -> dict[str, Any]:
         "group": w.group,
         "groups": [_group(w, name, tasks) for name, tasks in w.groups(status).items()],
         "calibration_steps": [_step(w, p) for p in w.steps_offered(status)]
-        if w.state in wz.STEPPING
+        if w.state in machine.STEPPING
         else [],
         "score": _score(protocol) if w.state is State.TASK_REVIEW and protocol else None,
         "pace": _pace(w, protocol, status) if in_task and protocol else None,
@@ -118,7 +120,7 @@ def _task(w: Wizard, p: Protocol) -> dict[str, Any]:
 
 
 def _group(w: Wizard, name: str, tasks: list[Protocol]) -> dict[str, Any]:
-    title = w.plan_title if name == wz.ROUTINE else ""
+    title = w.plan_title if name == machine.ROUTINE else ""
     return {
         "name": name,
         "title": title or name.replace("_", " ").capitalize(),
@@ -138,6 +140,6 @@ def _pace(w: Wizard, p: Protocol, status: StationStatus) -> dict[str, Any]:
         "repetitions": p.repetitions,
         "trial": w.accepted(p.name) + 1,
         "trials": p.trials,
-        "begins": round(wz.resumed_at(w), 3) if w.state is State.RESUME_COUNTDOWN else 0.0,
-        "elapsed": round(wz.elapsed(w, status.t), 3) if w.state in wz.RUNNING else None,
+        "begins": round(machine.resumed_at(w), 3) if w.state is State.RESUME_COUNTDOWN else 0.0,
+        "elapsed": round(machine.elapsed(w, status.t), 3) if w.state in machine.RUNNING else None,
     }

@@ -1,6 +1,6 @@
 """Title and sentence of every state of the wizard, as a person reads them."""
 
-from handscope.app.live.wizard import machine as wz
+from handscope.app.live.wizard import machine
 from handscope.app.live.wizard.machine import State, StationStatus, Wizard
 from handscope.app.protocols import Protocol
 from handscope.estimators.messages.sentence import phrase
@@ -46,8 +46,8 @@ STEP_OF = {
         State.POSE_HOLD,
         State.POSE_WORK,
         State.POSE_REVIEW,
-        *wz.STEPPING,
-        *wz.MOVING_FREELY,
+        *machine.STEPPING,
+        *machine.MOVING_FREELY,
     ),
     "pose",
 )
@@ -126,7 +126,7 @@ def _small_glove(w: Wizard, status: StationStatus) -> tuple[str, str] | None:
 
 def _resumable(w: Wizard, p: Protocol) -> tuple[str, str]:
     """Title and sentence of a paused trial that can go on."""
-    title, phase = phrase("wizard.paused_title"), p.at(wz.resumed_at(w))
+    title, phase = phrase("wizard.paused_title"), p.at(machine.resumed_at(w))
     if phase and p.resumes == "phase":
         return title, phrase("wizard.resume_phase", word=phase[0].say)
     if phase and p.resumes == "repetition":

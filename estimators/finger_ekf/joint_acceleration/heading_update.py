@@ -5,7 +5,7 @@ Out     the chain with its first joint's heading corrected; what was learnt of l
 Source  relative heading from a common joint's acceleration: Kok et al. 2014, IFAC 47:79; Weygers & Kok 2020, IEEE Sens J 20:7969. Ours: block by block, with lever arms, biases and
         scales estimated along; the noise is that of the block's residuals, or larger as the innovations show (covariance matching, as in joint_compliance.py)
 Limits  a hand that is not accelerated sideways tells nothing; lever arms and accelerometers are estimated with the block's heading as unknown, and
-        what they err by counts as noise of each block of its own
+        their errors are treated as independent between blocks
 """
 
 import math
@@ -28,22 +28,22 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
 EVERY = 10.0  # s; longer than errors of inclination last, shorter than a heading takes to drift
-LEAST = 20.0  # boxes in a block
-# m of a joint from a sensor, m/s^2, and of 1: standard deviations before anything is known, ours
+LEAST = 20.0  # boxes in a block that is used
+# prior standard deviations, ours: m of a joint from a sensor, m/s^2, dimensionless
 LEVER, ACC_BIAS, ACC_SCALE = 0.06, 0.1, 0.005
 PRIOR = np.repeat([LEVER, ACC_BIAS, ACC_SCALE], [6, 6, 18]) ** 2
-FORGOTTEN = 36000.0  # s after which nothing is known any more: seats and skin change
-ASSUMED = 2.0  # blocks that noise as expected counts as
+FORGOTTEN = 36000.0  # s after which the prior's variance was added once: seats and skin change
+ASSUMED = 2.0  # blocks; weight of the prior that innovations are as large as expected
 # squared sd beyond which a block is downweighted, unless the next one agrees with it
 UNLIKELY = 9.0
 FIRST = slice(0, 3)  # error states of the chain's first joint
 
 
 class Noise(NamedTuple):
-    """What accelerations at the joint differ by, beyond what the unknowns explain."""
+    """Differences of the two accelerations at the joint that lever arms, biases and scales do not explain."""
 
-    density: float  # (m/s^2)/sqrt(Hz), at least
-    correlation: float  # s over which what a block shows stays alike
+    density: float  # (m/s^2)/sqrt(Hz), the least assumed
+    correlation: float  # s, correlation time of a block's residuals
 
 
 @dataclass(frozen=True)
@@ -53,10 +53,10 @@ class JointAcceleration:
     begun: float  # s
     heading: float  # rad, of the second fusion against the first when the block began
     sums: BlockSums
-    unknowns: Array  # (UNKNOWNS,) m, m/s^2, 1
+    unknowns: Array  # (UNKNOWNS,) lever arms m, biases m/s^2, scales
     P: Array  # (UNKNOWNS, UNKNOWNS)
-    noise_stats: Array  # (2,) weighted sum of squared innovations over what was expected of them, and of weights
-    rejected: float = math.nan  # rad, innovation of the block before if it was too unlikely
+    noise_stats: Array  # (2,) weighted sum of squared innovations over their expected variance, and sum of weights
+    rejected: float = math.nan  # rad, innovation of the block before if it was rejected
     # its noise_stats, which count unless the next block agrees with it
     pending_stats: Array = field(default_factory=lambda: np.zeros(2))
 
@@ -83,7 +83,7 @@ def copied(state: JointAcceleration) -> JointAcceleration:
 
 
 def heading_between(q_pc: Array, q_EB: Array) -> float:
-    """By how much the second fusion's frame is turned against the first's (rad), as the joint q_pc has it."""
+    """Heading (rad) of the second fusion's frame against the first's that the joint orientation q_pc implies."""
     q = quat.multiply(quat.multiply(q_EB[0], q_pc), quat.conjugate(q_EB[1]))
     return 2 * math.atan2(q[3], q[0])
 
@@ -91,7 +91,7 @@ def heading_between(q_pc: Array, q_EB: Array) -> float:
 def close(
     noise: Noise, state: JointAcceleration, thumb: Estimates, up: Array, q_EB: Array, t: float
 ) -> tuple[JointAcceleration, Estimates]:
-    """End the block at t: what it tells of the heading corrects the thumb's chain, `up` (3,) is the vertical in its metacarpal's sensor."""
+    """End the block at t and correct the thumb's chain by its heading; `up` (3,) is the vertical in the frame of the metacarpal's sensor."""
     if state.sums.gram[0] < LEAST:
         return state, thumb
     normal = detrended(state.sums)
@@ -100,13 +100,13 @@ def close(
         return state, thumb
     share = normal[HEADING, :UNKNOWNS] / energy
     tangent = float(normal[HEADING, DIFFERENCE] / energy - share @ state.unknowns)
-    # two vectors an angle apart differ by twice its half's tangent of their mean
+    # |a - b| = 2 tan(angle / 2) |a + b| / 2
     seen = 2 * math.atan(tangent / 2)
     own = float(up @ thumb.P[FIRST, FIRST] @ up)
     systematic = float(share @ state.P @ share)
     density = noise_density(noise, residual(state, normal, tangent))
     variance = excess(state.noise_stats) * density / (energy * BOX) + 0.5 * own**2
-    # the heading that is believed is that of the middle of the block
+    # the state's heading is compared at mid-block
     moved = wrapped(heading_between(thumb.q_pc[0], q_EB) - state.heading)
     innovation, S = seen - 0.5 * moved, own + systematic + variance
     squared = min(innovation**2, UNLIKELY * S)
@@ -138,7 +138,7 @@ def close(
 
 
 def detrended(sums: BlockSums) -> Array:
-    """Normal equations (COLUMNS, COLUMNS) without a constant and a slope of each component."""
+    """Normal equations (COLUMNS, COLUMNS) after a constant and a slope of each component are projected out."""
     n, time, squared = sums.gram
     G = np.linalg.inv(np.array([[n, time], [time, squared]]))
     lower = sums.normal
@@ -147,18 +147,18 @@ def detrended(sums: BlockSums) -> Array:
 
 
 def residual(state: JointAcceleration, normal: Array, heading: float) -> float:
-    """Mean square of a component (m/s^2)^2 that the unknowns and a heading leave of the differences."""
+    """Mean square (m/s^2)^2 of a component of the residuals, with these unknowns and this heading."""
     x = np.concatenate([-state.unknowns, [-heading, 1.0]])
     return max(float(x @ normal @ x), 0.0) / (3.0 * float(state.sums.gram[0]))
 
 
 def noise_density(noise: Noise, mean_square: float) -> float:
-    """(m/s^2)^2 s of what differs by so much and stays alike for `noise.correlation`, at least as usual."""
+    """Power spectral density, (m/s^2)^2 s, of residuals with this mean square and correlation time; at least the assumed one."""
     return max(noise.density**2, mean_square * noise.correlation)
 
 
 def excess(stats: Array) -> float:
-    """How many times larger innovations show the density to be, 1 at least."""
+    """Factor by which innovations exceed the assumed density, 1 at least."""
     return max(float((ASSUMED + stats[0]) / (ASSUMED + stats[1])), 1.0)
 
 
@@ -170,7 +170,7 @@ def wrapped(angle: float) -> float:
 def _learnt(
     state: JointAcceleration, normal: Array, share: Array, noise: float, t: float
 ) -> tuple[Array, Array]:
-    """Unknowns and their covariance, the block's heading being whatever it is; `noise` (m/s^2)^2 of a box."""
+    """Unknowns and their covariance, the block's heading marginalised out; `noise` (m/s^2)^2 of a box."""
     A = normal[:UNKNOWNS, :UNKNOWNS] - normal[HEADING, HEADING] * np.outer(share, share)
     b = normal[:UNKNOWNS, DIFFERENCE] - normal[HEADING, DIFFERENCE] * share
     information = np.linalg.inv(state.P + np.diag(PRIOR) * (t - state.begun) / FORGOTTEN)

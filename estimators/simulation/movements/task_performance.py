@@ -122,7 +122,7 @@ def spread() -> Array:
 def initial_pose(
     geometry: HandGeometry, duration: float = 6.0, taken: Array | None = None
 ) -> Performance:
-    """The flat pose, held; the event is the part held still and states the flat pose even where another, `taken` (54,), is held."""
+    """The flat pose, held; the event is the part held still and declares the flat pose even if the person holds `taken` (54,)."""
     angles = dict(
         zip(
             ("thumb_cmc_flexion_deg", "thumb_cmc_deviation_deg", "thumb_cmc_pronation_deg"),
@@ -206,7 +206,7 @@ def open_close(
 
 
 def there_and_back(geometry: HandGeometry, task: str, lead: float = 1.0) -> Performance:
-    """A movement of powerglove.MOVEMENTS or assessment.RANGES; it begins `lead` s after the hand left the relaxed posture."""
+    """A movement of powerglove_tasks.MOVEMENTS or assessment_tasks.RANGES; it begins `lead` s after the hand left the relaxed posture."""
     m = MOVED[task]
     done = _over_and_over(
         task,
@@ -233,7 +233,7 @@ def there_and_back(geometry: HandGeometry, task: str, lead: float = 1.0) -> Perf
 
 
 def one_after_the_other(geometry: HandGeometry, task: str, lead: float = 1.0) -> Performance:
-    """A round of assessment.ROUNDS; it begins `lead` s after the hand left the relaxed posture."""
+    """A round of assessment_tasks.ROUNDS; it begins `lead` s after the hand left the relaxed posture."""
     r, back = ROUNDS[task], make_posture(flat(), **ROUNDS[task].back)
     points, marks, t = _to(back, lead), [], lead
     for k in range(r.repetitions):
@@ -322,9 +322,8 @@ def wiggle(geometry: HandGeometry, fingers: tuple[str, ...] = FINGERS) -> Perfor
 
 
 MOVED = {**MOVEMENTS, **RANGES}
-IN_STEP: Mapping[
-    str, Callable[..., Performance]
-] = {  # begin when the countdown is over, and then keep time with it
+# tasks that begin when the countdown is over, and then keep time with it
+IN_STEP: Mapping[str, Callable[..., Performance]] = {
     **{name: partial(there_and_back, task=name) for name in MOVED},
     **{name: partial(one_after_the_other, task=name) for name in ROUNDS},
     "powerglove_11_tapping": partial(tapping, duration=30.0, task="powerglove_11_tapping"),

@@ -14,9 +14,9 @@ from scipy.spatial.transform import Rotation
 
 from handscope.validation.independent.simulator.hand import Values
 
-EARTH = np.array([18e-6, 5e-6, -45e-6])
-MU = 1e-7
-COUNT = 0.0146e-6
+EARTH = np.array([18e-6, 5e-6, -45e-6])  # T
+MU0_OVER_4PI = 1e-7  # T m / A
+COUNT = 0.0146e-6  # T per LSB
 
 
 def grid(along: int, pitch: float) -> Values:
@@ -43,8 +43,8 @@ class Chips:
     gain: float = 0.0  # share by which gains changed since the board was turned
     misplaced: float = 0.0  # m by which each chip sits elsewhere than declared
     noise: float = 0.2e-6  # T
-    turned: bool = True  # by quarters, anyhow
-    misaligned: float = 0.0  # rad about each axis by which each chip is soldered so
+    turned: bool = True  # mounted at random multiples of 90 deg
+    misaligned: float = 0.0  # rad rms about each axis, soldering misalignment
     limit: float = np.inf  # T
 
 
@@ -70,7 +70,9 @@ def draw_board(many: int, chips: Chips, rng: np.random.Generator) -> Board:
         degrees=True,
     )
     axes = quarters.as_matrix() if chips.turned else np.repeat(np.eye(3)[None], many, axis=0)
-    axes[0] = np.eye(3)
+    axes[0] = np.eye(
+        3
+    )  # `--turned` takes the frame of the board from the first chip as it was declared
     axes = (np.eye(3) + (soft + soft.transpose(0, 2, 1)) / 2) @ axes
     if chips.misaligned:
         axes = (
@@ -83,9 +85,14 @@ def draw_board(many: int, chips: Chips, rng: np.random.Generator) -> Board:
     return Board(chips, declared, places, axes, hard, 1 + chips.gain * rng.normal(size=(many, 3)))
 
 
-def read_fields(board: Board, B: Values, rng: np.random.Generator, since: bool = True) -> Values:
-    """Of fields (n, chips, 3) at the chips; `since` the board was turned."""
-    y = np.einsum("kij,nkj->nki", board.axes, B) * (board.gains if since else 1.0) + board.hard
+def read_fields(
+    board: Board, B: Values, rng: np.random.Generator, after_calibration: bool = True
+) -> Values:
+    """Readings (n, chips, 3) in T of fields at the chips; `after_calibration`: gains changed since the board was turned."""
+    y = (
+        np.einsum("kij,nkj->nki", board.axes, B) * (board.gains if after_calibration else 1.0)
+        + board.hard
+    )
     y = np.clip(
         y + board.chips.noise * rng.normal(size=y.shape), -board.chips.limit, board.chips.limit
     )
@@ -124,7 +131,7 @@ def dipole(places: Values, moments: Values, at: Values) -> Values:
     r = at[None] - places[:, None]
     distance = np.linalg.norm(r, axis=-1, keepdims=True)
     along = (r * moments[:, None]).sum(axis=-1, keepdims=True) / distance
-    return np.asarray(MU * (3 * r / distance * along - moments[:, None]) / distance**3)
+    return np.asarray(MU0_OVER_4PI * (3 * r / distance * along - moments[:, None]) / distance**3)
 
 
 def rod(places: Values, moments: Values, length: float, at: Values) -> Values:
@@ -133,7 +140,10 @@ def rod(places: Values, moments: Values, length: float, at: Values) -> Values:
     half, pole = 0.5 * length * moments / size, (size / length)[:, None]
     parts = [sign * (at[None] - (places + sign * half)[:, None]) for sign in (1.0, -1.0)]
     return np.asarray(
-        sum(MU * pole * part / np.linalg.norm(part, axis=-1, keepdims=True) ** 3 for part in parts)
+        sum(
+            MU0_OVER_4PI * pole * part / np.linalg.norm(part, axis=-1, keepdims=True) ** 3
+            for part in parts
+        )
     )
 
 
