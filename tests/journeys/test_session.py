@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Locator, Page, expect
 
 from tests.journeys.house import (
     Server,
@@ -171,6 +171,10 @@ def _read_results(page: Page, folder: Path, taps: str) -> None:
     )  # what the virtual patient bends it to
     assert abs(int(taps) - 37) <= 4  # 2.5 a second in 15 s
     assert figure(page, "Taps") == taps  # as the clinician saw them before keeping them
+    page.locator(".hand-map .level-none, .hand-map .level-small, .hand-map .level-large").filter(
+        has_text="Ring DIP"
+    ).click()
+    shown(page.get_by_role("heading", name="Ring DIP: flexion and extension over the recording"))
     page.locator(".bars").get_by_role("button", name="Index PIP").click()
     shown(page.get_by_role("heading", name="Index PIP: flexion and extension over the recording"))
     keep_picture(page, "session")
@@ -182,6 +186,7 @@ def _read_results(page: Page, folder: Path, taps: str) -> None:
     assert answer.value.status == 200 and opened.value
     pdf = page.request.get(answer.value.url).body()
     assert pdf.startswith(b"%PDF") and len(pdf) > 10_000
+    _finds_one_of_all_figures(page)
     page.get_by_text("Tables and data").click()
     with page.expect_download() as download:
         page.get_by_role("button", name="Figures (CSV)").click()
@@ -192,9 +197,33 @@ def _read_results(page: Page, folder: Path, taps: str) -> None:
     expect(page.get_by_text("Saved.")).to_be_visible()
 
 
+def _finds_one_of_all_figures(page: Page) -> None:
+    """They are folded until somebody looks for one."""
+    motion = page.locator(".card").filter(has=page.get_by_role("heading", name="Total active motion", exact=True))  # fmt: skip
+    rows = motion.locator("details tbody tr").filter(visible=True)
+    expect(motion.locator(".by-finger tr")).to_have_count(5)
+    expect(rows).to_have_count(0)
+    motion.locator("summary").filter(has_text="All figures").click()
+    every = rows.count()
+    motion.get_by_role("searchbox", name="Search figures").fill("ring")
+    found = rows.all_inner_texts()
+    assert 0 < len(found) < every
+    assert all("ring" in words.lower() for words in found)
+
+
 ONWARD = {"continue", "start", "accept", "choose", "resume", "use", "again", "onward", "enough"} | {
     "finish"
 }
+
+
+def _reach(one: Locator) -> None:
+    """By the Tab key alone."""
+    shown(one)
+    for _ in range(40):
+        if one.evaluate("(it) => it === document.activeElement"):
+            return
+        one.page.keyboard.press("Tab")
+    raise AssertionError(f"no Tab leads to {one}")
 
 
 @pytest.mark.slow
@@ -202,8 +231,16 @@ def test_a_whole_usual_assessment_by_enter_and_space_alone(
     page_without_scene: Page, server: Server
 ) -> None:
     page, pressed = page_without_scene, list[str]()
-    page.goto(f"{server.base}/patients/{new_patient(page)}")
-    begin_session(page, "left")
+    code = api(page, f"/api/patients/{new_patient(page)}")["pseudonym"]
+    page.goto(server.base)
+    _reach(page.get_by_role("link", name=code))
+    page.keyboard.press("Enter")
+    page.wait_for_url("**/patients/*")
+    _reach(page.locator('input[name="hand"]:checked'))  # the affected hand, and with it its glove
+    expect(page.get_by_role("radio", name="Virtual left glove")).to_be_checked()
+    _reach(page.get_by_role("button", name="Start session"))
+    page.keyboard.press("Enter")
+    page.wait_for_url("**/stations/*")
     for key in itertools.cycle(("Enter", "Space")):
         page.wait_for_function(
             "() => document.activeElement?.dataset.act || location.pathname.startsWith('/sessions/')"
@@ -215,7 +252,10 @@ def test_a_whole_usual_assessment_by_enter_and_space_alone(
         page.keyboard.press("Enter")  # once too often
         page.wait_for_timeout(300)
     assert set(pressed) <= ONWARD
-    shown(page.get_by_role("link", name="Report (PDF)"))
+    _reach(page.get_by_role("link", name="Report (PDF)"))
+    with page.context.expect_event("response", lambda r: "/report.pdf?" in r.url) as answer:
+        page.keyboard.press("Enter")
+    assert answer.value.status == 200
     events = api(page, f"/api/sessions/{page.url.rsplit('/', 1)[1]}")["recordings"][0]["summary"]
     done = [e["task"] for e in events["events"] if e["trial_type"] == "task"]
     assert {"rom_fist", "tapping"} <= set(done) and len(done) >= 5
