@@ -137,5 +137,5 @@ async function post(path, body) {
 
 const root = make("main");
 document.title = `${t("login.title")} · Handscope`;
-document.body.append(root, preferences(), make("footer", { class: "soft small" }, t("notice")));
+document.body.append(root, make("aside", {}, preferences()), make("footer", { class: "soft small" }, t("notice")));
 mount(root);

@@ -4,6 +4,7 @@ import itertools
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Literal
 
 import pytest
 from playwright.sync_api import Page, TimeoutError, expect
@@ -19,12 +20,16 @@ from tests.journeys.house import (
     keep_picture,
     new_patient,
     shown,
+    simulate,
 )
 
 pytestmark = pytest.mark.browser
 PHONE = (390, 844)
 AXE = Path(__file__).parents[1] / "vendor" / "axe-core" / "axe.min.js"
-RULES = {"type": "tag", "values": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]}
+RULES = {
+    "type": "tag",
+    "values": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"],
+}
 OF_COLOURS = {
     "type": "rule",
     "values": ["color-contrast", "link-in-text-block"],
@@ -65,17 +70,45 @@ WIDE_PANELS = """() => [...document.querySelectorAll(".panel")].filter((e) => e.
 SLIDING = """() => [...document.querySelectorAll(".scroll")].filter((e) => e.scrollWidth > e.clientWidth + 1 && e.checkVisibility()).map((e) => e.ariaLabel)"""
 
 
+KEEP_LABELS = """() => {
+  if (window.labels) return;
+  const [draws, kept] = [CanvasRenderingContext2D.prototype.fillText, (window.labels = [])];
+  CanvasRenderingContext2D.prototype.fillText = function (text, x, y, ...more) {
+    const beside = this.getImageData(Math.max(0, x - 2), Math.max(0, y - 2), 1, 1).data;
+    kept.push({ text, ink: this.fillStyle, beside: [...beside], canvas: this.canvas });
+    return draws.call(this, text, x, y, ...more);
+  };
+}"""  # what is drawn on a canvas is no text for axe
+FAINT_LABELS = """() => {
+  const numbers = (colour) => colour.match(/[\\d.]+/g).map(Number);
+  const bytes = (ink) => (ink.startsWith("#") ? [1, 3, 5].map((k) => parseInt(ink.slice(k, k + 2), 16)) : numbers(ink).slice(0, 3));
+  const linear = (c) => (c / 255 <= 0.04045 ? c / 255 / 12.92 : ((c / 255 + 0.055) / 1.055) ** 2.4);
+  const luminance = (rgb) => rgb.map(linear).reduce((sum, c, k) => sum + c * [0.2126, 0.7152, 0.0722][k], 0);
+  const ground = (e) => {
+    const [r, g, b, alpha = 1] = numbers(getComputedStyle(e).backgroundColor);
+    return alpha === 1 ? [r, g, b] : ground(e.parentElement);
+  };
+  const contrast = ({ ink, beside, canvas }) => {
+    const below = ground(canvas).map((c, k) => c + (beside[k] - c) * (beside[3] / 255));
+    const [less, more] = [luminance(bytes(ink)), luminance(below)].sort((a, b) => a - b);
+    return (more + 0.05) / (less + 0.05);
+  };
+  const seen = window.labels.filter(({ canvas, text }) => canvas.isConnected && String(text).trim());
+  return [seen.length, seen.filter((label) => contrast(label) < 4.5).map(({ text, ink }) => `${text} ${ink}`)];
+}"""  # WCAG 2.2, 1.4.3
+
+
 def looked_at(page: Page, name: str, wider: Sequence[str] = ()) -> None:
     """Check the page as it stands, in both schemes and sizes; `wider`: tables that nothing fits on a phone, as they have any number of columns."""
     page.add_script_tag(path=AXE)
     told = page.evaluate(RUN, RULES)
     assert told["rules"] > 5, "axe looked at nothing"
     assert told["found"] == [], f"{name}, light"
-    page.emulate_media(color_scheme="dark")
+    turned(page, "dark", name)
     told = page.evaluate(RUN, OF_COLOURS)
     assert told["rules"] > 0, "axe looked at no colour"
     assert told["found"] == [], f"{name}, dark"
-    page.emulate_media(color_scheme="light")
+    turned(page, "light", name)
     assert page.evaluate(SMALL) == [], name
     for width, height in (*SIZES.values(), PHONE):
         page.set_viewport_size({"width": width, "height": height})
@@ -84,6 +117,20 @@ def looked_at(page: Page, name: str, wider: Sequence[str] = ()) -> None:
         assert page.evaluate(SPILLED) == [], f"{name}, {width} px"
     assert page.evaluate(SLIDING) == list(wider), f"{name}: tables on a phone"
     page.set_viewport_size(dict(zip(("width", "height"), SIZES["tablet"])))
+
+
+def turned(page: Page, scheme: Literal["dark", "light"], name: str) -> int:
+    """Change the scheme; what plots then write can be read. Gives how many labels that are."""
+    page.evaluate(KEEP_LABELS)
+    page.evaluate("window.labels.length = 0")
+    page.emulate_media(color_scheme=scheme)
+    with suppress(TimeoutError):  # where a person chose the scheme it stays
+        page.wait_for_function(
+            "!document.querySelector('.uplot canvas') || labels.length > 0", timeout=2000
+        )
+    count, faint = page.evaluate(FAINT_LABELS)
+    assert faint == [], f"{name}, {scheme}"
+    return int(count)
 
 
 def fits(page: Page, name: str, width: int) -> None:
@@ -169,6 +216,19 @@ def test_session_page(page: Page, server: Server, processed: int) -> None:
         page.locator("summary").filter(has_text=details).click()
     looked_at(page, "session")
     keep_picture(page, "session-uploaded")
+
+
+def test_ranges_of_a_hand(page: Page, server: Server, tmp_path: Path) -> None:
+    patient = new_patient(page)
+    fist = simulate(tmp_path / "fist.zip", "rom_fist").read_bytes()
+    sent = {"file": {"name": "fist.zip", "mimeType": "application/zip", "buffer": fist}}
+    told = api(page, f"/api/patients/{patient}/recordings", "POST", multipart=sent)
+    page.goto(f"{server.base}/sessions/{told['session']}")
+    shown(page.locator(".bars").get_by_role("button", name="Index PIP")).click()
+    shown(page.get_by_role("heading", name="Index PIP: flexion and extension over the recording"))
+    shown(page.locator(".card .uplot canvas"))
+    looked_at(page, "ranges")
+    assert turned(page, "dark", "ranges") > 0, "no label was drawn"
 
 
 def test_on_a_phone_results_are_what_is_at_one_glance_and_the_rest_is_folded(
