@@ -64,6 +64,12 @@ def test_labels_on_a_canvas_are_drawn_in_the_colour_that_is_measured() -> None:
     assert [name for name in drawing if '"--ink-soft"' not in texts[name]] == []
 
 
+def test_a_placeholder_has_the_colour_that_is_measured_on_every_page() -> None:
+    assert "::placeholder { color: var(--ink-soft); opacity: 1; }" in (
+        ROOT / "style.css"
+    ).read_text("utf-8")
+
+
 @pytest.mark.parametrize("path", STYLES, ids=lambda path: path.name)
 def test_type_has_five_sizes_and_space_one_unit(path: Path) -> None:
     text = path.read_text("utf-8")
