@@ -17,7 +17,7 @@ import uvicorn
 from handscope.app.auth.oidc import SignOn
 from handscope.app.auth.request_limits import BoundedProtocol
 from handscope.app.auth.sign_on_scope import SCOPE
-from handscope.app.commands.words import say
+from handscope.app.commands.words import program, say
 from handscope.app.options import parse
 from handscope.app.private_log import begin_logging
 from handscope.app.server import create_app
@@ -179,7 +179,7 @@ def _announce(base: str, data: Path, printed: bool, browser: bool) -> None:
         else "Print an address that logs in"
     )
     say(
-        f"Handscope is at  {address if printed else base}\n{once} with: handscope login --data {data}\nResearch use; not a medical device. Stop with Ctrl-C."
+        f"Handscope is at  {address if printed else base}\n{once} with: {program()} login --data {data}\nResearch use; not a medical device. Stop with Ctrl-C."
     )
     if browser:
         webbrowser.open(address)

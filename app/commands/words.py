@@ -3,6 +3,7 @@
 import argparse
 import json
 import os
+import shutil
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -34,6 +35,16 @@ def add_store(parser: argparse.ArgumentParser) -> None:
 def say(text: str) -> None:
     """To standard output."""
     print(text, flush=True)  # noqa: T201  the command's answer
+
+
+def program() -> str:
+    """How a shell finds this program: by its name, or as it was started where the name is not on PATH or is another's."""
+    started = Path(sys.argv[0])
+    if started.stem != "handscope":  # a module, or a test
+        return "handscope"
+    found = shutil.which("handscope")
+    is_found = found is not None and os.path.realpath(found) == os.path.realpath(started)
+    return "handscope" if is_found else str(started)
 
 
 def default_data(folder: str = FOLDER) -> Path:
