@@ -240,5 +240,5 @@ def test_what_the_movement_is_too_little_to_test_is_said_below_the_answer(
     untested.locator("summary").click()
     page.locator(".results").evaluate("element => element.scrollIntoView()")
     keep_screen(page, "untested")
-    expect(untested).to_contain_text("Strips, of which a delay of 0.2 s would not be noticed")
+    expect(untested).to_contain_text("A strip delay of 0.2 s would go unnoticed at")
     expect(untested).to_contain_text("index")
