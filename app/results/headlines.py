@@ -21,6 +21,7 @@ from handscope.app.report.sections.range_rows import over_tasks
 from handscope.app.report.units import (
     DEG,
     decimals_of_sd,
+    directions_of,
     reading,
     significant_places,
     with_unit,
@@ -154,7 +155,7 @@ def _tile(
         "against": against,
         "change": level_words(change, language) if change else "",
         "beyond": bool(change and change.beyond),
-        "wanted": _better_direction(figure),
+        "wanted": _wanted(figure),
         "verdict": _verdict(figure, change),
     }
 
@@ -173,6 +174,12 @@ def _better_direction(figure: Figure) -> Literal["more", "less", ""]:
     """Whether more of it is better."""
     names = {figure.what or figure.name, figure.name}
     return "more" if names & MORE_IS_BETTER else "less" if names & LESS_IS_BETTER else ""
+
+
+def _wanted(figure: Figure) -> Literal["more", "less", "larger", ""]:
+    """What is better, in the words of the value: one whose sign is said in words is larger, not more."""
+    wanted = _better_direction(figure)
+    return "larger" if wanted == "more" and directions_of(figure.name)[1] == "larger" else wanted
 
 
 def _verdict(figure: Figure, change: Change | None) -> Literal["better", "worse", ""]:

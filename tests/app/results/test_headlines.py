@@ -163,10 +163,11 @@ def test_a_wrist_has_tiles_with_its_directions_the_other_hand_and_more_is_better
 @pytest.mark.parametrize(
     ("value", "words"), [(-0.016, "1.6 % smaller"), (0.016, "1.6 % larger"), (-0.0004, "0.0 %")]
 )
-def test_a_value_below_zero_is_said_in_words(value: float, words: str) -> None:
+def test_a_value_below_zero_is_said_in_words_and_larger_is_better(value: float, words: str) -> None:
     ratio = Figure("tapping_decrement_ratio", value, "1", "x", what="tapping_decrement_ratio")
     (task,) = headlines([("tapping", "tapping", ratio)], {}, EN, None, None, None)
-    assert task["tiles"][0]["value"] == words
+    (tile,) = task["tiles"]
+    assert (tile["value"], tile["wanted"]) == (words, "larger")
 
 
 def test_a_figure_that_was_not_measured_has_no_tile() -> None:
