@@ -66,7 +66,7 @@ export function curveWords(what) {
   if (PLAIN[what]) return t(`curve.${what}`);
   const { joint, angle } = partsOf(what);
   const words = jointWords(joint);
-  return t("curve.angle", { ...words, motion: motionWords(joint, angle) }).replace("  ", " ");
+  return t("curve.angle", { joint: `${words.finger} ${words.joint}`.trim(), motion: motionWords(joint, angle) });
 }
 
 /** What tells a curve from the others beside it: the finger, the joint, or the motion. */

@@ -91,3 +91,25 @@ def test_a_course_has_the_digits_of_the_report(browser: Browser) -> None:
     sizes = [change_words.amount(value, name, unit, ENGLISH) for name, value, unit in figures]
     sent = [[*figure, units.places_of(figure[0], units.BROKEN, figure[2])] for figure in figures]
     assert said(browser, "en", read, sent) == [f"{size} higher" for size in sizes]
+
+
+CURVES = """async () => {
+  const { curveWords } = await import("/static/words/clinical.js");
+  return ["wrist_flexion", "index_pip_flexion", "aperture"].map(curveWords);
+}"""
+
+
+@pytest.mark.parametrize(
+    ("language", "wrist", "index"),
+    [
+        ("en", "Wrist: flexion and extension", "Index PIP: flexion"),
+        ("de", "Handgelenk: Beugung", "Zeigefinger PIP: Beugung"),
+        ("fr", "Poignet\N{NO-BREAK SPACE}: flexion", "Index IPP\N{NO-BREAK SPACE}: flexion"),
+    ],
+)
+def test_a_curve_of_a_joint_with_one_name_has_its_colon_behind_it(
+    browser: Browser, language: str, wrist: str, index: str
+) -> None:
+    of_wrist, of_index, aperture = said(browser, language, CURVES)
+    assert of_wrist.startswith(wrist) and of_index.startswith(index)
+    assert "  " not in of_wrist + of_index and aperture
