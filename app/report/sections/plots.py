@@ -227,13 +227,14 @@ def _distance(ax: Axes, tapping: Tapping, language: Language) -> None:
     start = tapping.t[0]
     ax.plot(tapping.t - start, 1e3 * tapping.distance, lw=0.6, color=INK)
     known = np.isfinite(tapping.distance)
+    closings = tapping.closings[tapping.closings >= start]  # the first may lie before the trial
     at = (
-        np.interp(tapping.closings, tapping.t[known], tapping.distance[known])
+        np.interp(closings, tapping.t[known], tapping.distance[known])
         if known.any()
         else np.zeros(0)
     )
     ax.plot(
-        tapping.closings - start,
+        closings - start,
         1e3 * at,
         ls="",
         marker="^",

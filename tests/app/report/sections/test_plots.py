@@ -3,6 +3,7 @@
 import io
 import math
 import re
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import matplotlib.image
@@ -170,6 +171,15 @@ def test_each_tap_and_each_closing_is_marked() -> None:
         10 + 11 - 2,
         12 + 13 - 2,
     ]  # the two names of the axes are numbers without a mark
+
+
+def test_a_closing_before_the_trial_is_not_drawn_beside_its_axis() -> None:
+    whole = trial(np.full(10, 0.06))
+    early = replace(whole, closings=np.concatenate([[-0.4], whole.closings[1:]]))
+    drawn, left_out = (
+        plots.tapping_chart(one, 340.0, 118.0, ENGLISH).count("<use") for one in (whole, early)
+    )
+    assert drawn - left_out == 1
 
 
 @pytest.mark.parametrize("taps", [9, 21])
