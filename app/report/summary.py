@@ -302,8 +302,8 @@ def _changes(found: Changes, language: Language) -> str:
 
 
 def _signal(content: Content, language: Language) -> str:
-    """The worst grade and how many figures have it."""
-    figures: list[Figure] = [f for t in content.tasks for f in t.result.figures]
+    """The worst grade and how many figures have it, of those that the page judges too (result_view.py)."""
+    figures: list[Figure] = [f for t in content.tasks for f in t.result.figures if not f.detail]
     if not figures:
         return ""
     worst = max((f.grade for f in figures), key=GRADES.index)

@@ -288,6 +288,18 @@ def test_poor_signal_is_said_with_its_reason() -> None:
     )
 
 
+def test_the_summary_counts_the_figures_that_the_page_counts() -> None:
+    made = report()
+    shown = [f for task in made.tasks for f in task.result.figures if not f.detail]
+    assert len(shown) < sum(len(task.result.figures) for task in made.tasks)
+    counted = [
+        words
+        for words in page_of(made)["summary"]
+        if words.startswith(f"Signal: good for all {len(shown)} figures")
+    ]
+    assert len(counted) == 1, page_of(made)["summary"]
+
+
 def test_fingers_that_are_not_measured_are_named() -> None:
     segments = (
         "hand",
