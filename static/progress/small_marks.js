@@ -1,4 +1,5 @@
 /** What is drawn below and on top of a small plot's lines. */
+import { drawBand } from "../plots/band.js";
 import { colour } from "../plots/plot.js";
 
 const NEAR = 18; // px between two treatments from which each has its number
@@ -8,13 +9,7 @@ export function under(drawn, { band, reference, goal, events }) {
   const { ctx, bbox } = drawn;
   const y = (value) => drawn.valToPos(value, "y", true);
   ctx.save();
-  if (goal) {
-    ctx.fillStyle = colour("--good-soft");
-    ctx.fillRect(bbox.left, y(goal.high), bbox.width, y(goal.low) - y(goal.high));
-    ctx.strokeStyle = colour("--good");
-    ctx.lineWidth = devicePixelRatio;
-    [goal.low, goal.high].forEach((value) => line(ctx, [bbox.left, y(value)], [bbox.left + bbox.width, y(value)]));
-  }
+  if (goal) drawBand(drawn, goal);
   if (band) {
     const from = Math.max(bbox.left, drawn.valToPos(band.from, "x", true) - 6 * devicePixelRatio);
     ctx.fillStyle = colour("--surface-sunk");

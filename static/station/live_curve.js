@@ -1,5 +1,6 @@
-/** The newest seconds of the quantity under test. */
+/** The newest seconds of the quantity under test, and the band that the task's demonstration reaches. */
 import { h, whenChanged } from "../dom.js";
+import { drawBand } from "../plots/band.js";
 import { makePlot } from "../plots/plot.js";
 import { curveWords, valueWords } from "../words/clinical.js";
 import { t } from "../words/words.js";
@@ -16,7 +17,8 @@ export function mount(root, api, { station }) {
   let [times, values] = [[], []];
   let drawn = 0;
   let gone = false;
-  const plot = makePlot(place, {
+  let target = null;
+  const wanted = {
     label: t("curve.live"),
     lines: [{ colour: "--curve-1" }],
     words: (value) => valueWords(what, value),
@@ -24,8 +26,18 @@ export function mount(root, api, { station }) {
     window: (newest) => [newest - WINDOW, newest],
     axis: 120,
     widens: true,
-  });
+    under: (drawn) => target && drawBand(drawn, target),
+  };
+  const plot = makePlot(place, wanted);
 
+  const aim = whenChanged(
+    (full) => full.target,
+    (now) => {
+      target = now && { low: Math.min(...now), high: Math.max(...now) };
+      [wanted.low, wanted.high] = target ? [Math.min(0, target.low), Math.max(0, target.high)] : [];
+      drawLater();
+    },
+  );
   const rename = whenChanged(
     ({ curve }) => curve.what,
     (now) => {
@@ -60,7 +72,7 @@ export function mount(root, api, { station }) {
     plot.set([times.slice(from), values.slice(from)]);
   }
 
-  const leave = [station.on("full", rename), station.on("pulse", take)];
+  const leave = [station.on("full", rename), station.on("full", aim), station.on("pulse", take)];
   return () => {
     gone = true;
     leave.forEach((stop) => stop());
