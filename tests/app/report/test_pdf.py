@@ -434,3 +434,9 @@ def test_every_form_is_handed_out() -> None:
     assert set(FORMS) == {"pdf", "html", "csv", "json"}
     starts = {form: make(report(), Style())[:5] for form, make in FORMS.items()}
     assert starts == {"pdf": b"%PDF-", "html": b"<!doc", "csv": b"# Res", "json": b'{\n  "'}
+
+
+def test_every_row_of_the_ranges_has_its_joint_as_header_and_none_an_empty_one() -> None:
+    words = html(report(), ENGLISH).decode()
+    assert '<th scope="row" class="joint">PIP</th>' in words
+    assert not re.search(r"<th[^>]*></th>", words)
