@@ -97,12 +97,7 @@ def _turning(blocks: Sequence[Block], sensor: str) -> float:
         b.of(GYR)[:, b.stream.sensors.index(sensor)] for b in blocks if sensor in b.stream.sensors
     ]
     gyr = np.concatenate(rates)
-    gyr = gyr[np.isfinite(gyr).all(axis=1)]
-    return (
-        float(np.degrees(np.linalg.norm(gyr - gyr.mean(axis=0), axis=1).mean()))
-        if len(gyr)
-        else 0.0
-    )
+    return sample_preparation.average_turning(gyr[np.isfinite(gyr).all(axis=1)])
 
 
 def limb_of(

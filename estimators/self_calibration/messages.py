@@ -18,7 +18,12 @@ from handscope.estimators.self_calibration import mounting_shift, residuals, sen
 from handscope.estimators.self_calibration import result as self_calibration_result
 from handscope.estimators.self_calibration.problem import LIMBS, Problem, Readings
 from handscope.estimators.self_calibration.result import Finger, Requirements
-from handscope.estimators.self_calibration.sample_preparation import DOUBTFUL, LONGEST_GAP, Gap
+from handscope.estimators.self_calibration.sample_preparation import (
+    DOUBTFUL,
+    LONGEST_GAP,
+    Gap,
+    average_turning,
+)
 from handscope.estimators.self_calibration.solver import Solution
 
 ROUNDED = 0.05  # s, rounding of durations in messages
@@ -94,10 +99,7 @@ def describe_silent_sensors(finger: str, silent: Sequence[str], clipped: bool) -
 
 def require_movement(asked: Requirements, finger: str, read: Readings) -> None:
     """InputError where a finger or the hand moves too little for self-calibration."""
-    hand, turning = (
-        float(np.degrees(np.linalg.norm(gyr - gyr.mean(axis=0), axis=1).mean()))
-        for gyr in (read.gyr[:, 0], read.gyr[:, -1])
-    )
+    hand, turning = (average_turning(read.gyr[:, k]) for k in (0, -1))
     if turning < asked.moving:
         if finger == "forearm":
             raise InputError(
@@ -143,15 +145,10 @@ def require_one_minimum(
     if solution.outcome != "converged":
         if stiff := ", ".join(self_calibration_result.stiff_joints(asked, solution)):
             raise InputError("self_calibration.not_converged_at_joint", finger=finger, joints=stiff)
-        turning = float(
-            np.degrees(
-                np.linalg.norm(read.gyr[:, -1] - read.gyr[:, -1].mean(axis=0), axis=1).mean()
-            )
-        )
         raise InputError(
             "self_calibration.not_converged",
             finger=finger,
-            rate=turning,
+            rate=average_turning(read.gyr[:, -1]),
             recommended=RECOMMENDED_RATE,
         )
 

@@ -73,6 +73,13 @@ def is_free(held: Sequence[HeldContact], t: Array, gyr: Array, moving: float) ->
     return free if held and free.any() else np.ones(len(t), bool)
 
 
+def average_turning(gyr: Array) -> float:
+    """Mean size (deg/s) of a sensor's angular rates (n, 3) rad/s about their mean; 0 without any."""
+    if not len(gyr):
+        return 0.0
+    return float(np.degrees(np.linalg.norm(gyr - gyr.mean(axis=0), axis=1).mean()))
+
+
 def fastest_turning(read: Readings) -> float:
     """Frequency (Hz) below which FAST of the power of the sensors' angular rates lies."""
     w = (read.gyr - read.gyr.mean(axis=0)) * np.hanning(len(read))[:, None, None]
