@@ -21,6 +21,7 @@ from handscope.estimators.data.samples import Block, Recording, Stream
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.finger_ekf import pose_inference
+from handscope.estimators.finger_ekf.measurements import UpdateParams
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import CHAINS, IS_DOF, JOINTS, SEGMENT, SEGMENTS
 from handscope.estimators.methods import m2
@@ -38,8 +39,8 @@ from handscope.estimators.pipeline import recording_calibration
 from handscope.estimators.pipeline.run import run
 from handscope.estimators.self_calibration.result import Finger
 
-# turn of a joint about an axis that is no freedom of it: `dimension_noise` of `ekf`
-NO_FREEDOM_SD = np.radians(2.0)
+# rad, turn of a joint about an axis that is no freedom of it
+NO_FREEDOM_SD = np.radians(UpdateParams().dimension_noise)
 
 
 @dataclass(frozen=True)
