@@ -152,9 +152,8 @@ def _made(arguments: argparse.Namespace) -> Simulated:
         np.random.default_rng(arguments.seed),
         PRESETS["ideal" if arguments.ideal else arguments.preset],
     )
-    if (
-        arguments.misalignment is not None
-    ):  # angles are uniform between 0 and it: mean and half-width are its half
+    if arguments.misalignment is not None:
+        # angles are uniform between 0 and it: mean and half-width are its half
         errors = replace(
             errors,
             misalignment=arguments.misalignment / 2,

@@ -258,9 +258,8 @@ def _numbers(view: StationView) -> list[dict[str, Any]]:
         State.STEP_REVIEW,
     ):
         return []
-    if w.state is State.FREE_RUN or (
-        w.state in machine.STEPPING and not w.protocol.cycle
-    ):  # free movement has its own meter; non-cyclic steps have no repetitions
+    # free movement has its own meter; non-cyclic steps have no repetitions
+    if w.state is State.FREE_RUN or (w.state in machine.STEPPING and not w.protocol.cycle):
         return []
     t, values = np.array(points).reshape(-1, 2).T
     done = values[t > w.onset]

@@ -99,7 +99,7 @@ def select_figures(results: Sequence[TaskResult], curve: str) -> list[tuple[Task
 
 
 def lost_heading(rows: Trajectory) -> dict[str, Any] | None:
-    """Whether segments point nobody knows where, since a gap: the gravest that can be wrong, as everything shown since is."""
+    """The problem that the heading of segments was lost in a gap, None where it was not: graver than any of `problem_of`, since all that is shown afterwards is wrong."""
     lost = (rows.flags & np.uint8(Flag.HEADING_LOST)).any(axis=1)
     return {"kind": "heading"} if len(rows) and lost.mean() > TRUSTED else None
 

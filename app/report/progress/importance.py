@@ -28,9 +28,8 @@ FIRST: Mapping[str, tuple[str, ...]] = {
     "range_of_motion": WRIST,
     **HEADLINES,
 }
-BESIDE: Mapping[str, tuple[str, ...]] = {
-    "finger_spread": ("spread",)
-}  # at one glance, not in a course
+# at one glance, not in a course
+BESIDE: Mapping[str, tuple[str, ...]] = {"finger_spread": ("spread",)}
 _MEASURES = list(FIRST)
 MORE_IS_BETTER = frozenset(
     {

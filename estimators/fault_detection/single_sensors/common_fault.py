@@ -36,10 +36,8 @@ FINE = 20.0  # log-likelihood that the gyroscope of a sensor without fault gains
 CORRELATED = 4.0  # by how much more the mean of all sensors varies than if their errors had nothing in common: the arm moves them all
 CLOCK = 0.01  # of a rate or of scales: what they may have in common
 ROUNDS, SMALL = 4, 0.003
-FEWEST, OTHERS = (
-    6,
-    2 / 3,
-)  # sensors that show what moves them all, and the share of them whose evidence counts as that
+FEWEST = 6  # sensors that together show what moves them all
+OTHERS = 2 / 3  # quantile of the other sensors' evidence that is counted as due to that
 
 
 @dataclass(frozen=True)
