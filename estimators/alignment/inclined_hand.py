@@ -135,7 +135,7 @@ def _flexion(parent: Array, child: Array) -> float | None:
     if min(np.hypot(*parent[:2]), np.hypot(*child[:2])) < SEEN:
         return None
     turn = np.arctan2(parent[1], parent[0]) - np.arctan2(child[1], child[0])
-    return float((turn + np.pi) % (2 * np.pi) - np.pi)
+    return float(quat.wrapped(turn))
 
 
 def _angle(a: Array, b: Array) -> float:

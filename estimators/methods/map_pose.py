@@ -130,7 +130,7 @@ def condition(
     expected = joint_angles.of_segments(pose_inference.segments_on_hand(seen.asked))[joints]
 
     def missed(errors: Array, q_GS: Array) -> Array:
-        return _wrapped(
+        return quat.wrapped(
             joint_angles.of_segments(_corrected(q_GS, errors))[joints] - expected
         ).ravel()
 
@@ -175,10 +175,6 @@ def _corrected(q_GS: Array, errors: Array) -> Array:
     for name, chain in CHAINS.items():
         turns[SEGMENT[chain[-1]]] = errors[columns_of(name).start] * Z
     return np.asarray(quat.multiply(q_GS, quat.exp(-turns)))
-
-
-def _wrapped(angles: Array) -> Array:
-    return np.asarray((angles + np.pi) % (2 * np.pi) - np.pi)
 
 
 def _average_over_sizes(

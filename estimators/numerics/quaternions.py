@@ -85,8 +85,12 @@ def twist(q: Array, axis: int) -> Array:
 
     About axis 2 of a rotation between two earth frames this is the heading between them.
     """
-    a = 2 * np.arctan2(q[..., 1 + axis], q[..., 0])
-    return (a + np.pi) % (2 * np.pi) - np.pi
+    return wrapped(2 * np.arctan2(q[..., 1 + axis], q[..., 0]))
+
+
+def wrapped(angle: Array) -> Array:
+    """The same angles (...), rad, in [-pi, pi)."""
+    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
 def slerp(q_0: Array, q_1: Array, weight: Array) -> Array:

@@ -367,7 +367,7 @@ def _heading_update(params: HandFilterParams, state: State) -> State:
     assert state.q_GH is not None and state.mag is not None and state.north is not None
     x, y, _ = quat.rotate(state.q_GH, state.mag)
     # turned clockwise, seen from above
-    off = (np.arctan2(x, y) - state.north + np.pi) % (2 * np.pi) - np.pi
+    off = quat.wrapped(np.arctan2(x, y) - state.north)
     H = np.zeros((1, 15))
     H[0, 8] = 1.0
     return _correct(

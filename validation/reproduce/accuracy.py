@@ -39,7 +39,7 @@ def tip_rmse(estimate: Trajectory, truth: Trajectory, fingers: Sequence[str]) ->
 
 def angle_difference(a: Array, b: Array) -> Array:
     """a - b in rad, the shorter way round: in [-pi, pi)."""
-    return np.asarray((a - b + np.pi) % (2 * np.pi) - np.pi)
+    return quat.wrapped(a - b)
 
 
 def nees(error: Array, sd: Array) -> float:

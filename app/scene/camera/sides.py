@@ -96,7 +96,7 @@ def between(start: Camera, stop: Camera, share: float) -> Camera:
     """The camera on the way from one to another, round what it looks at."""
     look_at = start.look_at + share * (stop.look_at - start.look_at)
     a, b = (_round(c.position - c.look_at) for c in (start, stop))
-    turn = (b[0] - a[0] + np.pi) % (2 * np.pi) - np.pi
+    turn = float(quat.wrapped(b[0] - a[0]))
     heading, elevation, distance = (
         a[0] + share * turn,
         a[1] + share * (b[1] - a[1]),
