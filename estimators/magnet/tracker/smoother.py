@@ -67,7 +67,7 @@ def _smooth_chunk(end: State, track: Track, trace: Trace, later: Trace) -> Track
     if end.x is None or not len(track):
         return track
     news, cov, lasting = np.zeros(OWN), np.empty((OWN, OWN)), np.empty((OWN, OWN))
-    split_covariance(end.covariance, cov, lasting)
+    _split_newest(end.covariance, cov, lasting)
     for piece in (later, trace):
         x, variances = np.empty_like(piece.state), np.empty_like(piece.lasting)
         rts_backward_pass(piece, news, cov, x, variances)
@@ -88,6 +88,12 @@ def _smooth_chunk(end: State, track: Track, trace: Trace, later: Trace) -> Track
         q_bt_sd=sd[:, rows(ERROR.th_bt)],
         q_gb_sd=sd[:, rows(ERROR.th_gb)],
     )
+
+
+@looped
+def _split_newest(P: Array, own: Array, lasting: Array) -> None:
+    """`split_covariance`, kept as machine code: called from Python it would be translated by every process."""
+    split_covariance(P, own, lasting)
 
 
 @looped

@@ -12,6 +12,7 @@ from handscope.estimators.finger_ekf.filter import FilterParams, pack_params
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
+from tests.estimators.interpreted import interpreted
 
 DEG = np.pi / 180
 SOFT_TISSUE = slice(33, 42)  # rows of the error state
@@ -37,7 +38,7 @@ class _Jacobian:
 def joint_jacobian(q_pc: Array, q_SB: Array, soft_tissue_gain: Array) -> _Jacobian:
     estimate = _Jacobian(np.empty(q_pc.shape), np.zeros((len(q_pc), 9, sensor_to_segment.SIZE)))
     for each in zip(q_pc, q_SB, soft_tissue_gain, estimate.q, estimate.A):
-        sensor_to_segment.joint_jacobian_row(*each)
+        interpreted(sensor_to_segment.joint_jacobian_row)(*each)
     return estimate
 
 
@@ -117,7 +118,7 @@ def test_vector_and_angle_jacobians_are_derivatives(rng: np.random.Generator) ->
     vectors = _derivative(lambda dth: quat.rotate(quat.multiply(q_pc, quat.exp(dth)), v), 3)
     for R_pc, v_c, expected in zip(quat.matrix(q_pc), v, vectors):
         H = np.zeros((5, 6))
-        finger_ekf_measurements.vector_jacobian_row(R_pc, v_c, 1, 2, H)
+        interpreted(finger_ekf_measurements.vector_jacobian_row)(R_pc, v_c, 1, 2, H)
         np.testing.assert_allclose(H[1:4, 2:5], expected, atol=1e-7)
         assert not H[[0, 4]].any()
     q = joint_angles.compose(angles)
@@ -150,7 +151,7 @@ def _constrain(jacobian: _Jacobian) -> _Rows:
             np.ones(3),
             0.2,
         )
-        finger_ekf_measurements.joint_constraints_row(
+        interpreted(finger_ekf_measurements.joint_constraints_row)(
             pack_params(FilterParams()), *each[:2], *given, *each[2:]
         )
     return _Rows(rows.innovation[:, 9:], rows.H[:, 9:], rows.noise[:, 9:, 9:])
@@ -217,7 +218,7 @@ def test_the_gates_leave_out_accelerometers_that_disagree_or_turn_fast() -> None
             H[case],
             np.zeros((18, 18)),
         )
-        finger_ekf_measurements.vectors_row(pack_params(params), *given)
+        interpreted(finger_ekf_measurements.vectors_row)(pack_params(params), *given)
     used = np.abs(H[:, :9]).reshape(3, 3, 3, -1).sum(axis=(2, 3)) > 0
     np.testing.assert_array_equal(
         used, [[True, True, True], [True, False, False], [False, False, True]]

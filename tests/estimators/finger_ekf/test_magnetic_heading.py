@@ -27,6 +27,7 @@ from handscope.estimators.simulation.experiments import (
 from handscope.estimators.simulation.magnetic_field import homogeneous, office
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import SensorErrors
+from tests.estimators.interpreted import interpreted
 from tests.simulated import DEG, assert_same, calibrated, cut, in_strips, with_samples
 
 WITHOUT = ekf.Params(gyr_reading="instant")
@@ -42,7 +43,7 @@ def _tracked(recording: Simulated, params: ekf.Params) -> Trajectory:
 
 def _look(q_pc: Array, mag: Array, up: Array, sd: float = 1.0) -> tuple[bool, float, Array]:
     innovation, H, noise = np.zeros(1), np.zeros((1, SIZE)), np.zeros((1, 1))
-    used = magnetic_heading.heading_row(
+    used = interpreted(magnetic_heading.heading_row)(
         NUMBERS, q_pc, mag, up, np.zeros(2), sd**2 * np.eye(SIZE), innovation, H, noise
     )
     return used, innovation[0], H[0]
@@ -235,7 +236,7 @@ def test_what_fields_differ_by_is_forgotten_over_a_turn() -> None:
         (turned, np.exp(-4) * 0.25 + 2 * WITH.mag_error**2 * (1 - np.exp(-4))),
     ):
         q_pc, after = np.tile(quat.IDENTITY, (3, 1)), np.empty(P.shape)
-        preintegration.propagate_row(
+        interpreted(preintegration.propagate_row)(
             NUMBERS, 0.0, T, np.zeros((4, 3, 3)), np.zeros(4), q_pc, P, q_pc.copy(), after
         )
         assert after[ERROR.field_difference, ERROR.field_difference] == pytest.approx(expected)

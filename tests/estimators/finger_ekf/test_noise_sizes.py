@@ -9,6 +9,7 @@ from handscope.estimators.finger_ekf import inclination_noise, joint_compliance,
 from handscope.estimators.finger_ekf.filter import FilterParams, pack_params
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
+from tests.estimators.interpreted import interpreted
 
 DEG = np.pi / 180
 NUMBERS = pack_params(FilterParams())
@@ -49,10 +50,10 @@ def _rests(rates: Array, biases_known: float = 0.01 * DEG) -> Array:
             np.zeros((12, 43)),
             np.zeros((12, 12)),
         )
-        zero_rate_update.update_rest_scatter_row(
+        interpreted(zero_rate_update.update_rest_scatter_row)(
             rate * 1.5, rest_time, np.ones(4), previous_rest_rate, rest_rate_scatter
         )
-        zero_rate_update.zero_rate_rows(
+        interpreted(zero_rate_update.zero_rate_rows)(
             NUMBERS,
             rate * 1.5,
             rest_time,
@@ -102,12 +103,12 @@ def _learnt(seemed: Array, known: float, turned: float) -> Array:
     rows = 9 + 3 * np.arange(3)[:, None] + [1, 2]
     before, after = np.tile(quat.IDENTITY, (3, 1)), quat.about(2, np.full(3, turned))
     for one in seemed:
-        joint_compliance.compliance_variance_row(NUMBERS, compliance_stats, variance)
+        interpreted(joint_compliance.compliance_variance_row)(NUMBERS, compliance_stats, variance)
         innovation[rows], noise = (
             one * DEG,
             np.diag(np.repeat([0.0, 5.0], 9) * np.repeat(np.append(np.ones(3), variance), 3)),
         )
-        joint_compliance.update_compliance_row(
+        interpreted(joint_compliance.update_compliance_row)(
             NUMBERS,
             before,
             after,
@@ -119,7 +120,7 @@ def _learnt(seemed: Array, known: float, turned: float) -> Array:
             noise,
             compliance_stats,
         )
-    joint_compliance.compliance_variance_row(NUMBERS, compliance_stats, variance)
+    interpreted(joint_compliance.compliance_variance_row)(NUMBERS, compliance_stats, variance)
     return np.sqrt(variance) / DEG
 
 
@@ -149,7 +150,7 @@ def test_what_the_filter_does_not_know_itself_is_not_taken_for_give(
 
 def test_a_vertical_is_the_less_sure_the_faster_the_sensor_has_turned() -> None:
     variance, mean_square_rate = np.empty(4), np.array([0.0, 100.0, 400.0, 50.0]) ** 2 * DEG**2
-    inclination_noise.inclination_variance_row(NUMBERS, mean_square_rate, variance)
+    interpreted(inclination_noise.inclination_variance_row)(NUMBERS, mean_square_rate, variance)
     np.testing.assert_allclose(
         np.sqrt(variance) / DEG, np.hypot(0.18, 0.0016 * np.array([0, 100, 400, 50])), rtol=1e-9
     )
@@ -162,10 +163,10 @@ def test_biases_of_accelerometers_count_as_drawn_ones_err_and_not_where_sensors_
     initial_vertical, q = np.tile([1.0, 0.0, 0.0], (4, 1)), quat.normalize(rng.normal(size=(3, 4)))
     current_vertical = quat.rotate(quat.normalize(rng.normal(size=(4, 4))), initial_vertical)
     found, nothing = np.zeros((9, 9)), np.zeros((9, 9))
-    inclination_noise.add_accelerometer_biases_row(
+    interpreted(inclination_noise.add_accelerometer_biases_row)(
         NUMBERS, q, initial_vertical, current_vertical, found
     )
-    inclination_noise.add_accelerometer_biases_row(
+    interpreted(inclination_noise.add_accelerometer_biases_row)(
         NUMBERS, q, initial_vertical, initial_vertical, nothing
     )
     assert not nothing.any()

@@ -11,6 +11,7 @@ from handscope.estimators.finger_ekf import preintegration
 from handscope.estimators.finger_ekf.kernel_params import KernelParams
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
+from tests.estimators.interpreted import interpreted
 
 
 def _derivative(f: Callable[[Array], Array], size: int, step: float = 1e-6) -> Array:
@@ -52,7 +53,7 @@ def _propagated(
     """Joints and covariance at the end of a window of 0.2 s, without any noise of the sensors."""
     nothing = KernelParams(False, *np.zeros(7), False, *np.zeros(12))
     q_new, P_new = np.empty(q_pc.shape), np.empty(P.shape)
-    preintegration.propagate_row(
+    interpreted(preintegration.propagate_row)(
         nothing, 0.2, delta_q.copy(), J_bias.copy(), rotation_variance, q_pc, P, q_new, P_new
     )
     return q_new, P_new

@@ -36,6 +36,7 @@ from handscope.estimators.simulation.movements import guided_movements, task_per
 from handscope.estimators.simulation.movements.task_performance import Performance
 from handscope.estimators.simulation.scenario import Simulated, simulate
 from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
+from tests.estimators.interpreted import interpreted
 from tests.simulated import (
     DEG,
     assert_same,
@@ -264,7 +265,9 @@ def test_the_jacobian_of_the_tips_is_their_derivative(rng: np.random.Generator) 
             np.empty((4, 3)),
             (geometry.roots()[finger], geometry.chain_offsets()[finger]),
         )
-        output_covariance.tip_row(q_pc[JOINT["wrist"]], q_pc[joints], *places, J, bones)
+        interpreted(output_covariance.tip_row)(
+            q_pc[JOINT["wrist"]], q_pc[joints], *places, J, bones
+        )
         np.testing.assert_allclose(J, _derivative(tip, 12), atol=1e-8)
         np.testing.assert_allclose(bones.sum(axis=0), tip(np.zeros(12)), atol=1e-12)
 

@@ -7,6 +7,7 @@ from filterpy.stats import NESS
 
 from handscope.estimators.numerics import kalman, small_matrices
 from handscope.estimators.numerics.typing import Array
+from tests.estimators.interpreted import interpreted
 
 
 def _covariance(rng: np.random.Generator, size: int) -> Array:
@@ -25,7 +26,7 @@ def test_a_correction_is_the_textbook_s_and_keeps_the_covariance_symmetric_to_th
         np.empty(7),
     )
     after = before.copy()
-    kalman.correct(after, innovation, H, noise, change)
+    interpreted(kalman.correct)(after, innovation, H, noise, change)
     K = before @ H.T @ np.linalg.inv(H @ before @ H.T + noise)
     np.testing.assert_allclose(change, K @ innovation, atol=1e-12)
     np.testing.assert_allclose(after, (np.eye(7) - K @ H) @ before, atol=1e-11)
@@ -37,15 +38,15 @@ def test_rows_of_zeros_tell_nothing(rng: np.random.Generator) -> None:
     H = np.zeros((3, 5))
     H[1] = rng.normal(size=5)
     alone, all_rows, change_alone = before.copy(), before.copy(), np.empty(5)
-    kalman.correct(alone, np.array([0.3]), H[1:2].copy(), np.eye(1), change_alone)
-    kalman.correct(all_rows, np.array([0.0, 0.3, 0.0]), H, np.eye(3), change)
+    interpreted(kalman.correct)(alone, np.array([0.3]), H[1:2].copy(), np.eye(1), change_alone)
+    interpreted(kalman.correct)(all_rows, np.array([0.0, 0.3, 0.0]), H, np.eye(3), change)
     np.testing.assert_array_equal(all_rows, alone)
     np.testing.assert_array_equal(change, change_alone)
 
 
 def test_a_matrix_of_fewer_columns_sees_the_first_of_a_covariance(rng: np.random.Generator) -> None:
     A, P, found = rng.normal(size=(3, 4)), _covariance(rng, 6), np.empty((3, 3))
-    small_matrices.spread(A, P, found)
+    interpreted(small_matrices.spread)(A, P, found)
     np.testing.assert_allclose(found, A @ P[:4, :4] @ A.T, atol=1e-12)
 
 
@@ -61,7 +62,7 @@ def test_a_correction_and_its_normalised_innovation_are_those_of_filterpy(
     )
     mean, covariance, _, _, S, _ = update(np.zeros(12), P, innovation, R, H, return_all=True)
     ours = P.copy()
-    nis = kalman.correct(ours, innovation, H, R, dx)
+    nis = interpreted(kalman.correct)(ours, innovation, H, R, dx)
     np.testing.assert_allclose(dx, mean, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(ours, covariance, rtol=1e-10, atol=1e-10)
     (expected,) = NESS(innovation[None], np.zeros((1, 5)), S[None])
