@@ -60,9 +60,11 @@ format: $(VENV)/develops
 docs: $(VENV)/runs $(VENV)/develops .types/handscope
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-# Wheel and source archive in dist/: the wheel is made from the archive, so that both hold all that is needed
+# Source archive in dist/, and two wheels made from it, so that it holds all that is needed: one for every machine, and one that brings machine code for this platform and Python
+BUILD = $(BIN)/uv build --quiet --no-build-isolation --python $(BIN)/python -o dist
 dist: $(VENV)/installed
-	$(BIN)/uv build --quiet --no-build-isolation --python $(BIN)/python -o dist .
+	$(BUILD) .
+	HANDSCOPE_TRANSLATED=1 $(BUILD) --wheel dist/handscope-*.tar.gz
 
 # Known weaknesses of the locked versions, each that could not be checked by name (exit code 3); offline: make audit ADVISORIES=all.zip (docs/security.md)
 audit: $(VENV)/develops

@@ -3,11 +3,14 @@
 Row kernels are compiled without being run, loops when they first run on a machine (numerics/jit.py): each of them runs
 here on some seconds of simulated movement. The code is cached; where several processes do the same at once, each
 waits for the other (numerics/translation/translation_lock.py).
+
+`--into PACKAGE`, the folder of a handscope that is being built, puts the code into that package (setup.py).
 """
 
 import sys
 from dataclasses import replace
 from importlib import import_module
+from pathlib import Path
 from pkgutil import walk_packages
 
 import numpy as np
@@ -24,6 +27,7 @@ from handscope.estimators.magnet.tracker.initialisation import Setup
 from handscope.estimators.magnet.tracker.options import MagnetParams
 from handscope.estimators.magnet.tracker.tracker import Readings
 from handscope.estimators.numerics.jit import load_kernels
+from handscope.estimators.numerics.translation import packaged_code
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.recording_checks.check import check_processed
 from handscope.estimators.simulation import artificial_finger, magnet
@@ -79,8 +83,12 @@ def _simulate_magnet() -> tuple[Setup, Readings]:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:] == ["--behind"]:
+    words = sys.argv[1:]
+    if words == ["--behind"]:
         ignore_terminal_signals()
         stand_back(BEHIND)
     compile_all()
-    translation.note_kept()
+    if words[:1] == ["--into"]:
+        packaged_code.gather(Path(words[1]))
+    else:
+        translation.note_kept()

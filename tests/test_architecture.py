@@ -19,6 +19,7 @@ NUMERICS = {"numba", "numpy", "scipy", "filterpy", "vqf"}
 MACHINE = {
     "native_libraries": {"ctypes", "threadpoolctl", "threadpoolctl.threadpool_limits"},
     "optional_imports": {"importlib", "sys"},
+    "translation.packaged_code": {"pathlib", "pathlib.Path"},
     "translation.translation_lock": {"os", "pathlib", "pathlib.Path", "threading"},
 }  # of the estimators' numerics, what looks after numba and its neighbours
 IMPURE = {

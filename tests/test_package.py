@@ -1,6 +1,7 @@
 """What is installed: one name, every file of the rooms, every import declared, and programs that ignore the folder they are started in."""
 
 import hashlib
+import os
 import re
 import shutil
 import subprocess
@@ -10,6 +11,8 @@ import zipfile
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
+import pytest
+
 from tests.app.devices.virtual import virtual_glove
 from tests.test_architecture import MODULES, ROOT, imports
 
@@ -18,8 +21,9 @@ PROGRAM = Path(sys.executable).with_name("handscope")
 BY_NAME = {"python-multipart"}  # FastAPI reads forms with it and nobody imports it
 
 
-def test_the_wheel_holds_one_name_and_every_file_of_the_rooms(tmp_path: Path) -> None:
-    source = tmp_path / "source"  # a build leaves folders beside what it reads
+def _wheel(folder: Path, **environment: str) -> Path:
+    """A wheel made from the files that git knows."""
+    source = folder / "source"  # a build leaves folders beside what it reads
     for name in _listed("*.py", "*.toml", "README.md", "LICENSE", "handscope", *ROOMS):
         (source / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, source / name)
@@ -35,11 +39,58 @@ def test_the_wheel_holds_one_name_and_every_file_of_the_rooms(tmp_path: Path) ->
         "..",
         ".",
     ]
-    subprocess.run(command, cwd=source, check=True, capture_output=True)
-    (wheel,) = tmp_path.glob("*.whl")
+    subprocess.run(
+        command, cwd=source, check=True, capture_output=True, env={**os.environ, **environment}
+    )
+    (wheel,) = folder.glob("*.whl")
+    return wheel
+
+
+def test_the_wheel_holds_one_name_and_every_file_of_the_rooms(tmp_path: Path) -> None:
+    wheel = _wheel(tmp_path)
+    assert wheel.name.endswith("-py3-none-any.whl")
     held = zipfile.ZipFile(wheel).namelist()
     assert {name.split("/")[0] for name in held if ".dist-info/" not in name} == {"handscope"}
     assert [name for name in _listed(*ROOMS) if f"handscope/{name}" not in held] == []
+
+
+PROCESSES = """
+import sys
+import numpy as np
+from handscope.app.workers import translation
+import handscope as hs
+
+print(translation.is_kept())
+for method in ("m2", "ekf"):
+    np.save(sys.stdout.buffer, hs.process(hs.load(sys.argv[1]), method=method).trajectory.angles)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_the_wheel_of_this_platform_translates_nothing_and_computes_the_same(
+    tmp_path: Path,
+) -> None:
+    installed, cache, recording = tmp_path / "installed", tmp_path / "cache", tmp_path / "r.zip"
+    with zipfile.ZipFile(_wheel(tmp_path, HANDSCOPE_TRANSLATED="1")) as wheel:
+        wheel.extractall(installed)
+    subprocess.run(
+        [PROGRAM, "simulate", "rom_fist", "--out", recording], check=True, capture_output=True
+    )
+    own = {"XDG_CACHE_HOME": str(cache), "PYTHONPATH": str(installed), "OPENBLAS_NUM_THREADS": "1"}
+    here, there = (
+        subprocess.run(
+            [sys.executable, "-P", "-c", PROCESSES, recording],
+            check=True,
+            capture_output=True,
+            env={**os.environ, **environment},
+        ).stdout
+        for environment in ({"OPENBLAS_NUM_THREADS": "1"}, own)
+    )
+    assert there.startswith(b"True\n")
+    assert there.partition(b"\n")[2] == here.partition(b"\n")[2]
+    code = {p.relative_to(installed).parts[1] for p in installed.rglob("*.nb[ic]")}
+    assert (code, cache.exists()) == ({"machine_code"}, False)
 
 
 def _listed(*patterns: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""Translating the estimators to machine code beside a server that serves already: a package brings none (estimators/numerics/jit.py).
+"""Translating the estimators to machine code beside a server that serves already: a source brings none (estimators/numerics/jit.py).
 
 What is needed earlier is translated where it is needed; a session then follows the hand late, and records everything.
 """
@@ -14,6 +14,7 @@ from pathlib import Path
 import numba
 
 from handscope import estimators
+from handscope.estimators.numerics.translation.packaged_code import is_for_this_machine
 from handscope.estimators.numerics.translation.translation_lock import kept_in
 
 COMMAND = (sys.executable, "-P", "-m", "handscope.app.compile_kernels", "--behind")
@@ -34,7 +35,9 @@ def beside() -> Iterator[None]:
 
 
 def is_kept() -> bool:
-    """Whether every kernel of this version has been translated on this machine."""
+    """Whether every kernel of this version has been translated on this machine, or came with the package."""
+    if is_for_this_machine(Path(estimators.__path__[0]).parent):
+        return True
     try:
         return (kept_in() / FILE).read_text() == _version()
     except OSError:

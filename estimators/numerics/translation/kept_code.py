@@ -14,6 +14,8 @@ from numba.core.caching import Cache
 from numba.core.codegen import JITCodeLibrary, ll
 from numba.core.runtime import rtsys
 
+from handscope.estimators.numerics.translation import packaged_code
+
 _unserialize_all = JITCodeLibrary._unserialize
 
 
@@ -54,9 +56,12 @@ class _KeptLibrary(JITCodeLibrary):  # type: ignore[misc]
 
 
 def _load_overload(self: Any, signature: Any, target_context: Any) -> Any:
-    """As `Cache.load_overload`, which refreshes the context in place of the first line; None where nothing is kept."""
+    """As `Cache.load_overload`, which refreshes the context in place of the first line, and knows of no code that a package brings; None where nothing
+    is kept."""
     rtsys.initialize(target_context)
     with self._guard_against_spurious_io_errors():
+        if (brought := packaged_code.load(self, signature, target_context)) is not None:
+            return brought
         return self._load_overload(signature, target_context)
 
 
