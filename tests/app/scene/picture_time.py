@@ -6,7 +6,8 @@ without one draws in software, in a process of its own, at a speed that says not
 dropped, and once passed on. Measured on Chromium's main thread, in processor time, so that other programs of the machine do not count: each
 picture's own time is that of the thread's tasks from one picture to the next, as Chromium's trace has them. It is given as it is, and four and six
 times, without what no tablet does: a browser without a graphics processor copies the canvas for each picture on this thread
-(`LayerTreeHost::DoUpdateLayers`; 0.3 to 0.4 ms, 0.07 ms where the page is put together as by a graphics processor).
+(`LayerTreeHost::DoUpdateLayers`; 0.3 to 0.4 ms, 0.07 ms where the page is put together as by a graphics processor). Parts of a picture's time come
+from a trace of more events, which itself costs a little (picture_parts.py).
 Run     python -m tests.app.scene.picture_time
 Limits  whether a tablet shows 60 pictures a second hangs on its graphics processor, too, and is told by a tablet alone. Slowed by Chromium itself,
         the thread counts what it waits for the copy and for other processes that share the cores (the glove's, the server's), too
@@ -16,7 +17,6 @@ import json
 import sys
 import tempfile
 import time
-from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -32,23 +32,20 @@ from handscope.validation.benchmarks.server_under_test import (
     glove,
     server,
 )
+from tests.app.scene import picture_parts
 from tests.app.scene.drawing_calls import COUNTED
+from tests.app.scene.picture_parts import COPYING, TASK, TIMED, TRACED, main_thread, per_picture
 from tests.browser import chromium
 
 SIZE = {"width": 1024, "height": 768}
 SLOWER = (4, 6)  # times
 PICTURE = 1e3 / 60  # ms
 LONG_TASK = 50.0  # ms, as the W3C's Long Tasks API has it
-WARM, DROPPED, PASSED = (
-    20,
-    240,
-    30,
-)  # pictures; those that are drawn in software take half a second each
+COMPILED = 240  # pictures until the browser has compiled what each of them runs
+# pictures; those that are drawn in software take half a second each
+WARM, DROPPED, PASSED = 20, 240, 30
 POLLING = 100  # ms; with each picture, as by default, a look would count as a picture's work
 LONG = 180_000  # ms until the hand is there
-BEGINS = "ProxyMain::BeginMainFrame"  # a picture, on the page's main thread: a mark of our own would cost 0.1 ms each
-COPYING = "LayerTreeHost::DoUpdateLayers"
-TRACED = ["toplevel", "cc", "disabled-by-default-devtools.timeline"]
 
 
 def measure() -> list[Metric]:
@@ -80,7 +77,9 @@ def _watch(client: Client, station: str) -> list[Metric]:
         )
         act(client, station, "start")
         devtools = context.new_cdp_session(page)
+        _pass(frame, COMPILED, drop=True)
         quick, copied, drawn = _pictures(one, devtools, frame, 1, DROPPED)
+        parts = _parts(one, frame)
         slow = {n: _pictures(one, devtools, frame, n, DROPPED) for n in SLOWER}
         passed, _, _ = _pictures(one, devtools, frame, SLOWER[0], PASSED)
         one.close()
@@ -88,12 +87,14 @@ def _watch(client: Client, station: str) -> list[Metric]:
         Metric("main thread, drawing dropped", quick.mean(), "ms", PICTURE, "lower"),
         Metric("the same, 95th percentile", np.percentile(quick, 95), "ms", PICTURE, "lower"),
         Metric("copying the canvas, of it", copied.mean(), "ms", None, "lower"),
+        *parts,
         *(metric for n in SLOWER for metric in _on_a_tablet(n * (quick - copied), n)),
         *(metric for n in SLOWER for metric in _slowed(slow[n][0], slow[n][2], n)),
         Metric(
             f"slowed {SLOWER[0]} times, drawing in software", passed.mean(), "ms", None, "lower"
         ),
         Metric("pictures a second, drawing dropped", drawn["rate"], "", None, "higher"),
+        Metric("of them with a hand that moved", drawn["moved"], "", None, "higher"),
         Metric("calls that draw, of a picture", drawn["calls"], "", None, "lower"),
         Metric("triangles, of a picture", drawn["triangles"], "", None, "lower"),
     ]
@@ -135,46 +136,42 @@ def _pictures(
     devtools.send("Emulation.setCPUThrottlingRate", {"rate": slower})
     drop = pictures == DROPPED
     _pass(frame, WARM, drop)
-    one.start_tracing(categories=TRACED)
+    one.start_tracing(categories=TIMED)
     began = time.monotonic()
     drawn = _pass(frame, pictures, drop)
     passed = time.monotonic() - began
-    events = json.loads(one.stop_tracing())["traceEvents"]
-    times, copied = _per_picture(events, "RunTask"), _per_picture(events, COPYING)
-    long = (
-        60 / passed * sum(took >= LONG_TASK for took in _main_thread(events, "RunTask", "dur")[1])
+    thread = main_thread(json.loads(one.stop_tracing())["traceEvents"])
+    long = sum(e["name"] == TASK and e["dur"] >= 1e3 * LONG_TASK for e in thread)
+    rates = {"rate": drawn["pictures"], "moved": drawn["moved"], "long": 60 * long}
+    return (
+        per_picture(thread, TASK),
+        per_picture(thread, COPYING),
+        {
+            **{name: drawn[name] / drawn["rendered"] for name in ("calls", "triangles")},
+            **{name: count / passed for name, count in rates.items()},
+        },
     )
-    each = {name: drawn[name] / drawn["rendered"] for name in ("calls", "triangles")}
-    return times, copied, {**each, "rate": drawn["pictures"] / passed, "long": long}
 
 
-def _per_picture(events: list[dict[str, Any]], name: str) -> Array:
-    """Processor time (n,) of the main thread's events of this name between the beginnings of two pictures, ms, from a trace."""
-    began, took = _main_thread(events, name, "tdur")
-    borders, _ = _main_thread(events, BEGINS, "tdur")
-    spent = np.concatenate([[0.0], np.cumsum(took)])[np.searchsorted(began, borders)]
-    return np.diff(spent)
-
-
-def _main_thread(events: list[dict[str, Any]], name: str, how_long: str) -> tuple[Array, Array]:
-    """When the events of this name on the thread that begins pictures began, and how long they took: "tdur" of processor time, "dur" in all; ms."""
-    marks = [event for event in events if event.get("name") == BEGINS and event["ph"] == "X"]
-    (thread, _), *_ = Counter((event["pid"], event["tid"]) for event in marks).most_common()
-    found = [
-        (event["ts"], event.get(how_long, 0))
-        for event in events
-        if event.get("name") == name
-        and event["ph"] == "X"  # Chromium's flow events have the same names
-        and (event["pid"], event["tid"]) == thread
+def _parts(one: Browser, frame: Any) -> list[Metric]:
+    """What a picture's time is."""
+    one.start_tracing(categories=TRACED)
+    _pass(frame, DROPPED, drop=True)
+    found = picture_parts.by_parts(main_thread(json.loads(one.stop_tracing())["traceEvents"]))
+    return [
+        metric
+        for name, times in found.items()
+        for metric in (
+            Metric(f"of it: {name}", times.mean(), "ms", None, "lower"),
+            Metric("the same, 95th percentile", np.percentile(times, 95), "ms", None, "lower"),
+        )
     ]
-    began, took = np.array(sorted(found)).T / 1e3
-    return began, took
 
 
 def _pass(frame: Any, pictures: int, drop: bool) -> dict[str, float]:
     """Let so many pictures pass; what was drawn in them."""
     frame.evaluate(
-        "(drop) => Object.assign(counted, { pictures: 0, rendered: 0, calls: 0, triangles: 0, drop })",
+        "(drop) => Object.assign(counted, { pictures: 0, moved: 0, rendered: 0, calls: 0, triangles: 0, drop })",
         drop,
     )
     frame.wait_for_function(
