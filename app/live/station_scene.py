@@ -74,8 +74,9 @@ class StationScene:
         """Draw the newest pose where the last picture is older than `interval` s."""
         if not self._process.viewers:
             interval = max(interval, UNSEEN_INTERVAL)
-        if time.monotonic() - self._drawn_at >= interval:
-            self._draw_hand()
+        now = time.monotonic()
+        if now - self._drawn_at >= interval and self._draw_hand():
+            self._drawn_at = max(self._drawn_at + interval, now - PICTURE_INTERVAL / 2)
 
     def begin(self) -> None:
         """Draw the neutral hand that stands until samples come."""
@@ -134,19 +135,20 @@ class StationScene:
         self._process.measure(Measured(curve, self.target))
         self.look(side_of(curve))
 
-    def _draw_hand(self) -> None:
+    def _draw_hand(self) -> bool:
         with self._lock:
             if not self.followed:
                 self._draw_inclined()
-                return
+                return True
             rows = self._row_again() or self.newest
             if rows is None or rows is self._shown:
-                return
-            self._drawn_at, self._shown = time.monotonic(), rows
+                return False
+            self._shown = rows
             with self._process.picture():
                 self._process.show(rows.angles[-1], rows.q_GS[-1, SEGMENT["hand"]])
                 if self._viewers:  # following the path costs a fifth of tracking the hand
                     self._process.trail(self._trail())
+            return True
 
     def _row_again(self) -> Trajectory | None:
         """The row of the replay that is due; None where nothing is replayed, or it is over."""
@@ -160,7 +162,7 @@ class StationScene:
         return rows.between(rows.t[k], np.nextafter(rows.t[k], np.inf))
 
     def _draw_inclined(self) -> None:
-        self._drawn_at, self._shown = time.monotonic(), None
+        self._shown = None
         if inclined := pose_fit.inclined_pose(self._tracking, self._mounting(), self.pose):
             with self._process.picture():
                 self._process.show(*inclined, followed=False)

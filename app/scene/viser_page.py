@@ -98,11 +98,12 @@ html, body { margin: 0; height: 100%; background: radial-gradient(ellipse at 50%
   // three.js looks at every bone for the picture and again for the shadow, and places those of hidden meshes: here they have a parent that is
   // never drawn itself, and is placed while the mesh is shown
   const setBonesApart = node => {
-    const { add, remove } = node;
+    const { add, remove, updateMatrixWorld } = node;
     const bones = new node.constructor();
-    const { updateMatrixWorld } = bones;
+    const [moveNode, moveBones] = [mover([node]), mover(bones.children)];
+    node.updateMatrixWorld = force => (moveNode(true), updateMatrixWorld.call(node, force));
     bones.visible = false;
-    bones.updateMatrixWorld = force => node.visible && updateMatrixWorld.call(bones, force);
+    bones.updateMatrixWorld = force => (moveBones(node.visible), node.visible && updateMatrixWorld.call(bones, force));
     node.add = (...objects) => {
       if (!objects[0]?.isBone) return add.apply(node, objects);
       if (!bones.parent) add.call(node, bones);
@@ -110,6 +111,30 @@ html, body { margin: 0; height: 100%; background: radial-gradient(ellipse at 50%
       return node;
     };
     node.remove = (...objects) => (objects[0]?.isBone ? (bones.remove(...objects), node) : remove.apply(node, objects));
+  };
+  // poses come unevenly and less often than pictures, those of the ghost ten times a second: what is drawn moves towards the newest in every picture,
+  // and is there after the time that lies between two of them on average; where each picture has its pose, that is at once
+  const mover = objects => {
+    let tracks = [], drawnAt = 0, cameAt = 0, since = 0, interval = 0, arrived = true;
+    return shown => {
+      if (!shown) tracks = [];
+      else if (tracks.length !== 2 * objects.length)
+        tracks = objects.flatMap(one => [one.quaternion, one.position]).map(now => ({ now, drawn: now.clone(), from: now.clone(), to: now.clone() }));
+      const time = performance.now();
+      if (tracks.some(({ now, drawn }) => !now.equals(drawn))) {
+        for (const { now, drawn, from, to } of tracks) (from.copy(drawn), now.equals(drawn) || to.copy(now));
+        interval += @SHARE_OF_NEWEST@ * (Math.min(time - cameAt, @LONGEST_INTERVAL@) - interval);
+        [cameAt, since, arrived] = [time, drawnAt, false];
+      }
+      drawnAt = time;
+      if (arrived) return;
+      const share = Math.min(1, (time - since) / interval);
+      for (const { now, drawn, from, to } of tracks) {
+        now.isQuaternion ? now.slerpQuaternions(from, to, share) : now.lerpVectors(from, to, share);
+        drawn.copy(now);
+      }
+      arrived = share === 1;
+    };
   };
   // viser draws the shadow of each mesh three times, on maps of near, middle and far; one map round the hand is sharper
   const castShadow = light => {
@@ -151,7 +176,10 @@ def _linear(colour: Colour) -> str:
 
 _TAG = re.compile(r"<script(?=[\s>])")
 _NAME = re.compile(r"@(\w+)@")
+SHARE_OF_NEWEST, LONGEST_INTERVAL = 0.2, 100  # of the mean time between two poses; ms
 _VALUES = {
+    "SHARE_OF_NEWEST": str(SHARE_OF_NEWEST),
+    "LONGEST_INTERVAL": str(LONGEST_INTERVAL),
     "KEY_LIGHT": stage.KEY_LIGHT,
     "REACH": str(stage.REACH),
     "DIMMED": str(palette.DIMMED),

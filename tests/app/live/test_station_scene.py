@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from handscope.app.live import station_scene
@@ -43,3 +44,20 @@ def test_a_hand_that_nobody_sees_is_drawn_seldom(
         drawing.draw_hand_if_due(PICTURE_INTERVAL)
         now[0] += interval + 1e-9
     assert process.hands == 10
+
+
+def test_poses_that_come_about_as_often_as_pictures_are_nearly_all_drawn(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One that is a little early is not left until the next."""
+    process, now = Drawn(1), [100.0]
+    monkeypatch.setattr(station_scene, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr(station_scene.pose_fit, "inclined_pose", lambda *_: (None, None))
+    drawing = StationScene(process, None, Viewers(), dict)  # type: ignore[arg-type]
+    poses = (np.arange(0, 2, 0.01), np.arange(0, 2, 0.018) + 0.004 * (np.arange(112) % 2))
+    for times, least in zip(poses, (118, 108)):
+        process.hands, start = 0, now[0] + 1
+        for t in times:
+            now[0] = start + t
+            drawing.draw_hand_if_due(PICTURE_INTERVAL)
+        assert least <= process.hands <= 121

@@ -217,6 +217,32 @@ def test_bones_move_the_skin_and_are_not_looked_at_for_the_picture(undrawn: Page
     assert placed > 40 and looked == 0
 
 
+def test_bones_move_evenly_in_every_picture_between_poses_that_come_less_often(
+    undrawn: Page,
+) -> None:
+    """Sixty pictures a second, and a pose for every third: by a clock of the test's own."""
+    walk = """() => {
+      const bone = __viserMutable.nodeRefFromName["/hand/fingers"].getObjectByProperty("isBone", true);
+      const before = bone.position.x, places = [];
+      let time = performance.now() + 1e3;
+      performance.now = () => time;
+      for (let picture = 0; picture < 120; picture++, time += 1e3 / 60) {
+        if (picture % 3 === 0 && picture < 90) bone.position.x = before + picture;
+        bone.parent.updateMatrixWorld(true);
+        places.push(bone.position.x - before);
+      }
+      bone.position.x = before;
+      bone.parent.updateMatrixWorld(true);
+      delete performance.now;
+      return places;
+    }"""
+    shown = '() => __viserMutable.nodeRefFromName["/hand/fingers"].visible'
+    undrawn.wait_for_function(shown, timeout=1e3 * WAIT)
+    places = np.array(undrawn.evaluate(walk))
+    np.testing.assert_allclose(np.diff(places)[60:89], 1.0, atol=0.02)
+    assert places[-1] == 87.0  # where the last pose is
+
+
 def test_one_page_opens_one_socket_to_us_and_nothing_else(
     undrawn: Page, asked: Asked, served: Site
 ) -> None:
