@@ -34,6 +34,11 @@ export function write(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
+/** Hides an element or shows it; one that is so already is not styled anew. */
+export function hide(element, hidden) {
+  if (element.hidden !== hidden) element.hidden = hidden;
+}
+
 /** Draws again only when what `select` picks is another than before: what a person is about to press stays in place. */
 export function whenChanged(select, draw) {
   let before = Symbol("nothing yet");

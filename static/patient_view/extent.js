@@ -1,5 +1,5 @@
 /** How far the movement goes now, how far it went in this trial, and the band that the demonstration reaches. */
-import { h } from "../dom.js";
+import { h, hide } from "../dom.js";
 import { t } from "../words/words.js";
 
 const BEYOND = 1.25; // the bar ends so many times as far as the band
@@ -16,7 +16,7 @@ export function mount(root, api, { screen }) {
   let most = 0;
 
   function draw({ stage, value, target, unit }) {
-    root.hidden = stage !== "run" || value === null;
+    hide(root, stage !== "run" || value === null);
     if (root.hidden) {
       most = 0;
       return;
@@ -29,7 +29,7 @@ export function mount(root, api, { screen }) {
     const share = (part) => `${(100 * Math.min(1, Math.max(0, part / whole))).toFixed(1)}%`;
     fill.style.width = share(reached);
     furthest.style.left = share(most);
-    band.hidden = from === null;
+    hide(band, from === null);
     if (!band.hidden) [band.style.left, band.style.width] = [share(from), share(to - from)];
     root.classList.toggle("there", from !== null && most >= from);
     words.textContent = unit === "mm" ? `${Math.round(value)} mm` : `${Math.round(reached)}°`;

@@ -1,5 +1,5 @@
 /** Free movement: what is observable already, joint by joint; how far the computation is; what was found. */
-import { h, whenChanged } from "../dom.js";
+import { h, hide, whenChanged } from "../dom.js";
 import { progressBar } from "../progress_bar.js";
 import { foundTables } from "../self_calibration_tables.js";
 import { jointWords } from "../words/clinical.js";
@@ -22,9 +22,9 @@ export function mount(root, api, { station }) {
   root.append(bar.element, meter, tables);
 
   const draw = ({ wizard, self_calibration }) => {
-    root.hidden = !self_calibration;
-    meter.hidden = !MOVING.includes(wizard.state);
-    bar.element.hidden = wizard.state !== "free_work";
+    hide(root, !self_calibration);
+    hide(meter, !MOVING.includes(wizard.state));
+    hide(bar.element, wizard.state !== "free_work");
     if (wizard.state === "free_work" && self_calibration) bar.set(self_calibration.share ?? 0, t("free.computing"));
   };
   const drawMeter = whenChanged(

@@ -1,5 +1,5 @@
 /** The newest seconds of the quantity under test, and the band that the task's demonstration reaches. */
-import { h, whenChanged } from "../dom.js";
+import { h, hide, whenChanged } from "../dom.js";
 import { drawBand } from "../plots/band.js";
 import { makePlot } from "../plots/plot.js";
 import { curveWords, valueWords } from "../words/clinical.js";
@@ -67,7 +67,7 @@ export function mount(root, api, { station }) {
   function draw() {
     drawn = 0;
     if (gone) return;
-    hint.hidden = times.length > 1;
+    hide(hint, times.length > 1);
     const from = times.findIndex((t) => t > times[times.length - 1] - WINDOW);
     plot.set([times.slice(from), values.slice(from)]);
   }
