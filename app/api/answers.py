@@ -113,6 +113,7 @@ class PatientListed(PatientRow):
     """A patient in the list."""
 
     sessions: int
+    planned: int  # sessions of a simulated patient while a demonstration makes them, else 0
     last_session: datetime | None
 
 
@@ -169,6 +170,7 @@ class PatientAnswer(PatientRow):
     notes: list[NoteRow] | None
     emergency_accesses: list[EmergencyRow]
     sessions: list[Visit]
+    planned: int  # sessions of a simulated patient while a demonstration makes them, else 0
     clock: dict[str, Any]
 
 

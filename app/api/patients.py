@@ -21,6 +21,7 @@ from handscope.app.auth.roles import (
     RequesterDep,
     requires_role,
 )
+from handscope.app.example_patients import patients as example_patients
 from handscope.app.language import Language
 from handscope.app.results.result_view import calibration_payload
 from handscope.app.state import Db, LanguageDep, PartsDep
@@ -104,6 +105,7 @@ class NoteChange(Incoming):
 )
 def list_patients(
     db: Db,
+    parts: PartsDep,
     requester: RequesterDep,
     response: Response,
     search: Annotated[str, Query(max_length=200)] = "",
@@ -114,8 +116,12 @@ def list_patients(
     """Patients by pseudonym, the most recently seen first; the header X-Total-Count says how many there are."""
     response.headers["X-Total-Count"] = str(patients.count(db, search, archived))
     matches = patients.find(db, search, archived, limit, offset)
+    planned = example_patients.planned(parts.store.folder)
     return [
-        for_reader(requester, {**patient_row(p), "sessions": count, "last_session": last})
+        {
+            **for_reader(requester, {**patient_row(p), "sessions": count, "last_session": last}),
+            "planned": planned.get(p.pseudonym, 0),
+        }
         for p, count, last in matches
     ]
 
@@ -134,7 +140,7 @@ def create_patient(db: Db, requester: RequesterDep, new: NewPatient) -> Any:
     responses=answers(PatientAnswer),
 )
 def read_patient(
-    db: Db, requester: RequesterDep, language: LanguageDep, patient_id: int
+    db: Db, parts: PartsDep, requester: RequesterDep, language: LanguageDep, patient_id: int
 ) -> dict[str, Any]:
     """A patient with notes and all sessions, the newest first."""
     patient, clock, visits = patients.get(db, patient_id), now(), timeline.visits(db, patient_id)
@@ -164,6 +170,7 @@ def read_patient(
             },
         ),
         "sessions": rows,
+        "planned": example_patients.planned(parts.store.folder).get(patient.pseudonym, 0),
         "clock": for_reader(
             requester, {"now": clock, "doubts": dates.find_clock_doubts(patient, sessions, clock)}
         ),

@@ -5,7 +5,6 @@ What is made lies in the folder like anything measured: recordings, results, rep
 
 import argparse
 import tempfile
-from collections.abc import Iterator
 from datetime import timedelta
 from pathlib import Path
 
@@ -18,7 +17,6 @@ from handscope.app.example_patients.stories import STORIES, Ability, Story, betw
 from handscope.app.results.make import make
 from handscope.app.version import software_version
 from handscope.app.workers.process import stand_back
-from handscope.estimators.hand.anatomy import Hand
 from handscope.estimators.methods import DEFAULT
 from handscope.sessions.clinic import results
 from handscope.sessions.db.tables import Patient, PatientSession, RecordingFile, now
@@ -32,6 +30,7 @@ NICE = 19  # whoever measures meanwhile comes first
 
 def add_sessions(store: Store) -> None:
     """Add the sessions of every patient that is there; what was made before stays."""
+    (store.folder / UNFINISHED).touch()
     with store.database() as db, tempfile.TemporaryDirectory() as folder:
         for k, story in enumerate(STORIES):
             patient = db.scalar(select(Patient).where(Patient.pseudonym == story.code))
@@ -47,7 +46,7 @@ def _add_course(
     made = {f.original_name: s for s in patient.sessions for f in s.recordings}
     morning = now().replace(hour=8, minute=20, second=0, microsecond=0)
     before: PatientSession | None = None  # in the order of time
-    for k, (hand, weeks, share) in enumerate(_sessions(story)):
+    for k, (hand, weeks, share) in enumerate(story.sessions()):
         name = f"{story.code.split()[0].lower()}-{k + 1}.zip"
         if name in made:
             before = made[name]
@@ -63,15 +62,7 @@ def _add_course(
         db.commit()
         before = session
         _process(db, store, session.recordings[0])
-
-
-def _sessions(story: Story) -> Iterator[tuple[Hand, float, float]]:
-    """Hand, weeks before today, share of the way."""
-    other: Hand = "left" if story.hand == "right" else "right"
-    for k, (weeks, share) in enumerate(story.course):
-        yield story.hand, weeks, share
-        if k in story.both:
-            yield other, weeks, share
+        (store.folder / UNFINISHED).touch()
 
 
 def _process(db: Session, store: Store, file: RecordingFile) -> None:

@@ -5,7 +5,7 @@ Course    weeks before today and how far the hand is from `begin` (0) to `end` (
 Limits    the numbers are chosen to look like such a course, they are no reference for one
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -61,6 +61,14 @@ class Story:
     treated: tuple[Treated, ...] = ()
     aims: tuple[Aim, ...] = ()
     both: tuple[int, ...] = (0,)  # sessions after which the other hand follows in the same visit
+
+    def sessions(self) -> Iterator[tuple[Hand, float, float]]:
+        """Hand, weeks before today, share of the way; in the order of time."""
+        other: Hand = "left" if self.hand == "right" else "right"
+        for k, (weeks, share) in enumerate(self.course):
+            yield self.hand, weeks, share
+            if k in self.both:
+                yield other, weeks, share
 
 
 def between(begin: Ability, end: Ability, share: float) -> Ability:

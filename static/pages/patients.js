@@ -1,6 +1,7 @@
 /** All patients: search, how many sessions, the last visit; a new one. */
 import { h, paced } from "../dom.js";
 import { errorBox } from "../forms.js";
+import { makeComing } from "../patient/coming.js";
 import * as emergency from "../patient/emergency.js";
 import * as erasures from "../patient/erasures.js";
 import * as newPatient from "../patient/new_patient.js";
@@ -15,6 +16,7 @@ export function mount(root, api, { go, title, roles }) {
   const form = h("section", { class: "card", hidden: true, "aria-label": t("patients.new") });
   const list = h("div", { class: "card" });
   const unfinished = h("div", {});
+  const coming = makeComing(() => draw(true));
   const box = errorBox();
   const search = h("input", {
     type: "search",
@@ -58,7 +60,7 @@ export function mount(root, api, { go, title, roles }) {
     list.querySelector("a")?.focus();
   }
 
-  async function draw() {
+  async function draw(again = false) {
     const mine = (asked += 1);
     const words = search.value.trim();
     try {
@@ -69,14 +71,17 @@ export function mount(root, api, { go, title, roles }) {
       leaveErased();
       erased.replaceChildren();
       leaveErased = archived.checked && (treats || roles.includes("administrator")) ? erasures.mount(erased, api) : () => {};
+      coming.take(found.rows);
+      const at = again && list.contains(document.activeElement) && document.activeElement.getAttribute("href");
       list.replaceChildren(...(found.rows.length ? [table(found.rows), pages(found, offset, turn)] : [nobody(words, archived.checked)]));
+      if (at) list.querySelector(`a[href="${at}"]`)?.focus();
     } catch (error) {
-      if (mine === asked) box.show(error, h("button", { type: "button", onclick: draw }, t("patients.retry")));
+      if (mine === asked) box.show(error, h("button", { type: "button", onclick: () => draw() }, t("patients.retry")));
     }
     list.hidden = !list.childElementCount;
   }
 
-  const found = h("div", {}, searchRow(search, archived), box.element, list);
+  const found = h("div", {}, searchRow(search, archived), box.element, coming.element, list);
   const below = h("div", { class: "stack", hidden: treats }, form, found, emergencies, erased);
   root.append(
     h("div", { class: "head" }, h("div", {}, h("h1", {}, t("patients.title")), h("p", { class: "soft" }, t("patients.lead"))), opener),
@@ -91,6 +96,7 @@ export function mount(root, api, { go, title, roles }) {
     above?.leave();
     leaveEmergencies();
     leaveErased();
+    coming.leave();
     asked += 1;
     leaveForm?.();
   };
@@ -109,7 +115,7 @@ function table(patients) {
       "tr",
       {},
       h("th", { scope: "row" }, h("a", { href: `/patients/${p.id}` }, p.pseudonym)),
-      h("td", {}, p.sessions ? counted("sessions", p.sessions) : t("patients.none_yet")),
+      h("td", {}, p.sessions ? counted("sessions", p.sessions) : t(p.planned ? "coming.row" : "patients.none_yet")),
       h("td", { class: p.last_session ? "" : "none" }, p.last_session ? shortDayAndTime(p.last_session) : "–"),
       h("td", {}, p.affected_hand ? t(`hand.${p.affected_hand}`) : "–"),
     ),

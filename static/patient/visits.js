@@ -1,5 +1,6 @@
 /** What was done before: the patient's sessions, the newest first, with their calibration and whatever needs a look. */
-import { h } from "../dom.js";
+import { h, whenChanged } from "../dom.js";
+import { makeComing } from "./coming.js";
 import { closing } from "./unfinished.js";
 import { clock, counted, dayAndTime, t } from "../words/words.js";
 
@@ -8,15 +9,36 @@ const KIND = { processed: "good", failed: "bad", open: "warn" };
 
 export function mount(root, api, { record, go }) {
   const list = h("div", {});
-  root.append(h("h2", {}, t("visits.title")), list);
+  const course = h("button", { type: "button", onclick: () => go(location.pathname, true) }, t("coming.course"));
+  const words = [h("p", {}, t("coming.all")), h("div", { class: "buttons" }, course)];
+  const complete = h("div", { class: "note", role: "status", hidden: true }, words);
+  const coming = makeComing(() => record.stored().then(take, () => take(seen)));
+  root.append(h("h2", {}, t("visits.title")), coming.element, complete, list);
   let gone = false;
-  api.titles().then(
-    (titles) => gone || draw(titles),
-    () => gone || draw(new Map()),
+  let seen = record.now;
+  let titles = new Map();
+  const drawNew = whenChanged(
+    (now) => [now.sessions, now.planned > 0],
+    () => draw(),
   );
+  api
+    .titles()
+    .then((found) => (titles = found))
+    .catch(() => {})
+    .then(() => take(seen));
 
-  function draw(titles, all = false) {
-    const sessions = record.now.sessions;
+  function take(now) {
+    if (gone) return;
+    const came = seen.planned > 0;
+    seen = now;
+    const comes = coming.take([{ sessions: now.sessions.length, planned: now.planned }]);
+    if (came && !comes) complete.hidden = false;
+    drawNew(now);
+  }
+
+  function draw(all = false) {
+    const { sessions, planned } = seen;
+    if (!sessions.length && planned) return list.replaceChildren();
     if (!sessions.length)
       return list.replaceChildren(h("p", { class: "empty" }, h("strong", {}, t("visits.empty")), t("visits.empty.next")));
     const shown = all ? sessions : sessions.filter((session, k) => k < NEWEST || session.state === "open");
@@ -27,21 +49,22 @@ export function mount(root, api, { record, go }) {
         { class: "visits" },
         shown.map((s) => visit(s, titles, s.doubts.includes("overnight") && closing(api, s, () => finished(s)))),
       ),
-      ...(shown.length < sessions.length ? [more(titles, shown.length)] : []),
+      ...(shown.length < sessions.length ? [more(shown.length)] : []),
     );
   }
 
   /** A press shows all, and goes on where the list ended. */
-  function more(titles, from) {
+  function more(from) {
     const show = () => {
-      draw(titles, true);
+      draw(true);
       list.querySelectorAll("li > a")[from].focus();
     };
-    return h("button", { onclick: show }, counted("visits.all", record.now.sessions.length));
+    return h("button", { onclick: show }, counted("visits.all", seen.sessions.length));
   }
 
   return () => {
     gone = true;
+    coming.leave();
   };
 }
 

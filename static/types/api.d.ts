@@ -314,6 +314,7 @@ export interface PatientAnswer {
   notes: NoteRow[] | null;
   emergency_accesses: EmergencyRow[];
   sessions: Visit[];
+  planned: number;
   clock: Record<string, any>;
 }
 
@@ -346,6 +347,7 @@ export interface PatientListed {
   created: string;
   version: number;
   sessions: number;
+  planned: number;
   last_session: string | null;
 }
 

@@ -6,6 +6,8 @@ import pytest
 from starlette.testclient import TestClient
 
 from handscope.app.api import progress
+from handscope.app.example_patients.patients import UNFINISHED
+from handscope.app.example_patients.stories import STORIES
 from handscope.app.settings import Settings
 from handscope.sessions.store.store import Store
 from tests.app.closed_connection import status_of
@@ -41,6 +43,19 @@ def test_a_patient_is_made_found_and_changed(client: TestClient) -> None:
         0.181,
     )
     assert changed["version"] == patient["version"] + 1
+
+
+def test_a_patient_says_how_many_sessions_a_demonstration_will_have_made(
+    client: TestClient, patient: int
+) -> None:
+    story, folder = STORIES[0], client.app.state.parts.store.folder  # type: ignore[attr-defined]
+    made = client.post("/api/patients", json={"pseudonym": story.code, "confirmed": True}).json()
+    numbers = [len(list(story.sessions())), 0]
+    for touched, planned in ((True, numbers), (False, [0, 0])):
+        (folder / UNFINISHED).touch() if touched else (folder / UNFINISHED).unlink()
+        listed = {p["id"]: p["planned"] for p in client.get("/api/patients").json()}
+        assert [listed[made["id"]], listed[patient]] == planned
+        assert client.get(f"/api/patients/{made['id']}").json()["planned"] == planned[0]
 
 
 def test_two_editors_at_once_are_told(client: TestClient, patient: int) -> None:

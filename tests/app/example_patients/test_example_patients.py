@@ -1,5 +1,7 @@
 """The demonstration's simulated patients: what their hands can do is what is measured of them, and everything says that nobody was measured."""
 
+import os
+import time
 from argparse import Namespace
 from collections.abc import Iterator
 from dataclasses import replace
@@ -105,6 +107,16 @@ def test_what_was_made_before_an_interruption_is_not_made_again(
         assert [s.hand for s in (first, other, last)] == ["left", "right", "left"]
         assert [s.continues_id for s in (first, other, last)] == [None, first.id, None]
         assert other.started == first.started + sessions.OTHER_HAND_AFTER
+
+
+def test_how_many_sessions_are_to_come_is_known_while_they_are_made(store: Store) -> None:
+    marker = store.folder / patients.UNFINISHED
+    assert patients.planned(store.folder) == {TENDON.code: 3}
+    stopped = time.time() - patients.SLOWEST - 1
+    os.utime(marker, (stopped, stopped))
+    assert patients.planned(store.folder) == {}
+    marker.unlink()
+    assert patients.planned(store.folder) == {}
 
 
 def test_a_folder_with_patients_gets_no_examples(tmp_path: Path) -> None:

@@ -26,6 +26,7 @@ NOT_MOUNTED = {
     "repetitions.js",
     "folded.js",
     "confirmation.js",
+    "coming.js",
     "passkey.js",
     "going_on.js",
     "hand_drawing.js",
