@@ -127,6 +127,8 @@ def create_app(settings: Settings) -> FastAPI:
         ],
     )
     errors.install(app)
+    # first: a page asks for eighty of them, and routes are tried in this order
+    app.mount("/static", pages.Files(directory=pages.STATIC), name="static")
     for module in (
         accounts,
         patients,
@@ -159,7 +161,6 @@ def create_app(settings: Settings) -> FastAPI:
     app.include_router(languages.router)
     app.include_router(screen_routes.router)
     app.include_router(pages.router)
-    app.mount("/static", pages.Files(directory=pages.STATIC), name="static")
     return app
 
 

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import posixpath
+import time
 from urllib.parse import urlsplit
 
 import anyio.to_thread
@@ -29,6 +30,8 @@ from handscope.sessions.wards import wards
 
 __all__ = ["COOKIE", "Gate", "asks_for_page", "cookie_name", "cookie_of", "new_token"]
 COOKIE = "handscope"
+FILES = "/static/"
+READS_FOR = 5.0  # s
 OPEN_FOLDERS = (
     "/static/login/",
     "/static/patient_view/",
@@ -76,6 +79,7 @@ class Gate:
         self._app, self._store, self._settings = app, store, settings
         self._audit = AuditHooks(store)
         self._routes: RouteTable | None = None
+        self._readers: dict[str | None, float] = {}  # s until which a cookie may read files
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
@@ -84,9 +88,11 @@ class Gate:
         connection = HTTPConnection(scope)
         self._routes = self._routes or RouteTable(scope["app"].routes)
         access = self._routes.of(scope)
-        refusal = self._refuse_foreign(connection, scope) or await anyio.to_thread.run_sync(
-            self._refuse_safely, connection, scope, access
-        )
+        refusal = self._refuse_foreign(connection, scope)
+        if refusal is None and not self._is_known_reader(connection, access):
+            refusal = await anyio.to_thread.run_sync(self._refuse_safely, connection, scope, access)
+            if refusal is None and _is_file(scope["path"]):
+                self._know_reader(connection)
         if refusal is not None and refusal.status_code < 500:
             await self._audit.record_refusal(connection, refusal.status_code)
         elif refusal is None and scope["type"] == "websocket":
@@ -98,6 +104,22 @@ class Gate:
             await send({"type": "websocket.close", "code": 1008, "reason": "not allowed"})
         else:
             await self._serve_while_logged_in(connection, access, receive, send)
+
+    def _is_known_reader(self, connection: HTTPConnection, access: RouteAccess | None) -> bool:
+        """Whether no login has to be looked up: for anybody's pages, and for files whose reader was logged in a moment ago.
+
+        A page asks for eighty files, which hold nothing of a patient; each look takes a thread and the database.
+        """
+        path = connection.scope["path"]
+        return _is_for_anybody(path, access) or (
+            _is_file(path) and self._readers.get(cookie_of(connection), 0.0) > time.monotonic()
+        )
+
+    def _know_reader(self, connection: HTTPConnection) -> None:
+        """Whoever may read one file may read the others for a moment."""
+        moment = time.monotonic()
+        self._readers = {c: end for c, end in self._readers.items() if end > moment}
+        self._readers[cookie_of(connection)] = moment + READS_FOR
 
     def _refuse_foreign(self, connection: HTTPConnection, scope: Scope) -> Response | None:
         """Refuse a request to another host, or from another site's page."""
@@ -119,11 +141,7 @@ class Gate:
         self, connection: HTTPConnection, scope: Scope, access: RouteAccess | None
     ) -> Response | None:
         """Refuse a request without a login, or to a route that does not admit the account."""
-        if _is_open(scope["path"]) or (
-            access is not None
-            and access.requirement is not None
-            and ANYBODY in access.requirement.roles
-        ):
+        if _is_for_anybody(scope["path"], access):
             return None
         requester = self._requester_of(connection)
         if requester is None:
@@ -247,6 +265,17 @@ def _from_elsewhere(headers: Headers, ours: str, kind: str, changes: bool) -> bo
         and headers.get("sec-fetch-dest") == "document"
     )
     return site not in ("same-origin", "none") and not followed
+
+
+def _is_for_anybody(path: str, access: RouteAccess | None) -> bool:
+    """Whether no login is needed."""
+    requirement = None if access is None else access.requirement
+    return _is_open(path) or (requirement is not None and ANYBODY in requirement.roles)
+
+
+def _is_file(path: str) -> bool:
+    """Whether a path, decoded, is one of the pages' files; none that leads out of their folder."""
+    return path.startswith(FILES) and posixpath.normpath(path) == path and "\\" not in path
 
 
 def _is_open(path: str) -> bool:

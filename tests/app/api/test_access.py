@@ -2,9 +2,11 @@
 
 import os
 import re
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from fastapi import FastAPI
@@ -14,6 +16,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
 
+from handscope.app.auth import gate
 from handscope.app.auth.gate import COOKIE, Gate, new_token
 from handscope.app.auth.roles import ANYBODY, RoleRequirement, RouteTable, requires_role
 from handscope.app.settings import Settings
@@ -208,6 +211,25 @@ def test_logging_out_ends_the_login(client: TestClient) -> None:
     assert client.delete("/api/login").status_code == 204
     client.cookies.set(COOKIE, cookie)
     assert client.get("/api/patients").status_code == 401
+
+
+def test_a_pages_files_take_one_look_at_the_login_and_nothing_of_a_patient_does(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks: list[object] = []
+    found = gate.find_login
+    monkeypatch.setattr(gate, "find_login", lambda *given: looks.append(given[1]) or found(*given))
+    files = ("/static/app.js", "/static/api.js", "/static/dom.js", "/static/app.js")
+    assert [client.get(path).status_code for path in files] == [200] * 4
+    assert len(looks) == 1
+    cookie = str(client.cookies[COOKIE])
+    assert client.get("/api/patients").status_code == 200
+    assert client.delete("/api/login").status_code == 204
+    client.cookies.set(COOKIE, cookie)
+    assert client.get("/api/patients").status_code == 401
+    much_later = time.monotonic() + 2 * gate.READS_FOR
+    monkeypatch.setattr(gate, "time", SimpleNamespace(monotonic=lambda: much_later))
+    assert client.get("/static/app.js").status_code == 401
 
 
 def test_an_idle_login_ends(client: TestClient) -> None:
