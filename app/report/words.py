@@ -65,10 +65,10 @@ def extension_words(
     word = "extension" if joint == "wrist" else "hyperextension"
     if least > 0:
         return language.say(f"angle.{word}.between", least=least, size=beyond)
+    if joint == "wrist":  # what it is called says the direction
+        return f"{beyond}°"
     return (
-        language.say(f"angle.{word}", size=beyond)
-        if beyond or joint == "wrist"
-        else language.say("angle.full")
+        language.say("angle.hyperextension", size=beyond) if beyond else language.say("angle.full")
     )
 
 

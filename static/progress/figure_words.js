@@ -16,8 +16,13 @@ export function labelWords(series) {
   return t("course.figure", { ...jointWords(series.joint), way }).replace(/ +(?=[ ,])/g, "");
 }
 
+/** Of an angle with its direction where the figure's name does not say it; beyond straight is more than "extension". */
 export function valueWords(series, value) {
-  if (series.joint) return angleWords(series.joint, series.angle, value);
+  if (series.joint) {
+    const straightens = series.angle === "flexion" && !/^(wrist|thumb_cmc)$/.test(series.joint);
+    const isNamed = value > 0 === (series.end === "largest") && !(straightens && value < 0);
+    return isNamed ? `${Math.abs(Math.round(value))}°` : angleWords(series.joint, series.angle, value);
+  }
   const size = withUnit(series, Math.abs(value));
   const direction = directionsOf(series.name)[Number(value > 0)];
   return direction && size !== withUnit(series, 0) ? t(`direction.${direction}`, { size }) : size;
@@ -45,11 +50,11 @@ export function stepsOf(series) {
   return Array.from({ length: 9 }, (_, k) => [1, 2, 5].map((n) => n * 10 ** (least + k))).flat();
 }
 
-/** A direction stands at every tick where values lie on either side of zero. */
+/** Whole numbers without decimals, and no unit but degrees: the figure's name stands beside them. */
 export function tickWords(series, tick) {
   const plain = decimal(tick, decimalsOf(series, tick)).replace(/[.,]0+$/, "").replace("-", "−"); // prettier-ignore
   if (!series.joint) return series.unit === "deg" ? `${plain}°` : plain;
-  return series.end === "largest" && series.angle === "flexion" && tick >= 0 ? `${Math.round(tick)}°` : valueWords(series, tick);
+  return valueWords(series, tick);
 }
 
 /** Of a count none; the mean of several may be broken. */

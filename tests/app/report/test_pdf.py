@@ -180,7 +180,7 @@ def test_the_numbers_are_those_that_were_measured() -> None:
         for name in ("flexion_max", "flexion_min", "deviation_max", "deviation_min")
     )
     assert re.search(
-        rf"Wrist {bent}° ± \d\.\d° 80° {stretched}° extension {radial}° radial, {ulnar}° ulnar",
+        rf"Wrist {bent}° ± \d\.\d° 80° {stretched}° {radial}° radial, {ulnar}° ulnar",
         text,
     )
 

@@ -99,7 +99,7 @@ def test_a_row_is_as_poor_as_its_worse_angle() -> None:
 def test_every_joint_of_a_whole_hand_has_a_row_and_the_thumbs_rotation_one_more() -> None:
     rows = table(over_tasks([t for t in report().tasks if t.result.measure == "range_of_motion"]))
     assert len(rows) == 17
-    assert rows["Wrist", ""].extension == "45° extension"
+    assert rows["Wrist", ""].extension == "45°"
     assert rows["Thumb", "CMC turn"].sideways.endswith("pronation")
     assert rows["Middle", "MCP"].sideways == ""  # no task asks the middle finger aside
 
