@@ -5,6 +5,7 @@ import logging
 import os
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ["TZ"] = "UTC"  # hours are written as the clocks of a machine show them
@@ -23,6 +24,9 @@ from tests.browser import chromium
 from tests.durations import TESTS
 from tests.sessions import new_databases
 from tests.simulated import pose_and_wiggle
+
+BROWSERS: list[Browser] = []  # the one that is open
+OPENED = ExitStack()  # of it and its tool
 
 time.tzset()
 gc.set_threshold(
@@ -89,12 +93,25 @@ def new_databases_are_copies(tmp_path_factory: pytest.TempPathFactory) -> Iterat
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    """A real Chromium. It is closed after a module, since the tool's event loop would be in the way of tests with one of their own."""
-    with sync_playwright() as tool:
-        one = tool.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
-        yield one
-        one.close()
+def browser() -> Browser:
+    """A real Chromium, the same one for modules of tests in a browser that follow one another."""
+    if not BROWSERS:
+        tool = OPENED.enter_context(sync_playwright())
+        started = tool.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
+        OPENED.callback(started.close)
+        BROWSERS.append(started)
+    return BROWSERS[0]
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> Iterator[None]:
+    """The browser is closed behind the last module: the tool's event loop would be in the way of tests with one of their own."""
+    try:
+        return (yield)
+    finally:
+        if BROWSERS and not schedule.shares_browser(item, nextitem):
+            BROWSERS.clear()
+            OPENED.close()
 
 
 @pytest.fixture(scope="module", autouse=True)

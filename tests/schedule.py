@@ -1,7 +1,7 @@
 """Who runs which test: the longest files first, a file's tests in one process, the journeys in two of the processes.
 
 A journey waits for a hand that moves in real time, for a page, for a server: other processes compute meanwhile. Two servers
-and two browsers leave a core to the others.
+and two browsers leave a core to the others. Parts of pages that are tested in a browser have one for all.
 """
 
 from collections.abc import Collection, Iterable
@@ -15,6 +15,7 @@ from tests.durations import FILES
 
 JOURNEYS = "tests/journeys/"
 LANES = 2
+IN_BROWSER = "_in_browser.py"
 UNKNOWN = 40.0  # s that a file takes which the table does not know yet: it must not be the last
 
 
@@ -32,11 +33,12 @@ def seconds() -> dict[str, float]:
 
 
 def lanes(known: dict[str, float]) -> dict[str, str]:
-    """The lane of each file of journeys: the longest first, each into the lane that is shorter so far."""
+    """The lane of each file of journeys, the longest first, each into the lane that is shorter so far; one for all that share a browser."""
     root = FILES.parent.parent
+    sharing = (FILES.parent / "app").rglob(f"test_*{IN_BROWSER}")
     files = [f.relative_to(root).as_posix() for f in FILES.with_name("journeys").rglob("test_*.py")]
     taken = dict.fromkeys((f"{JOURNEYS}{k}" for k in range(LANES)), 0.0)
-    found: dict[str, str] = {}
+    found = {f.relative_to(root).as_posix(): IN_BROWSER for f in sharing}
     for file in sorted(files, key=lambda f: (-known.get(f, UNKNOWN), f)):
         found[file] = min(taken, key=lambda lane: taken[lane])
         taken[found[file]] += known.get(file, UNKNOWN)
@@ -44,19 +46,27 @@ def lanes(known: dict[str, float]) -> dict[str, str]:
 
 
 def order(items: list[pytest.Item]) -> None:
-    """The journeys, a lane after the other, then the longest files, so that no process works alone on the last of them."""
+    """A lane after the other, then the longest files, so that no process works alone on the last of them."""
     known = seconds()
     lane = lanes(known)
 
     def rank(item: pytest.Item) -> tuple[bool, str, float]:
         file = item.nodeid.partition("::")[0]
-        return not file.startswith(JOURNEYS), lane.get(file, ""), -known.get(file, UNKNOWN)
+        return file not in lane, lane.get(file, ""), -known.get(file, UNKNOWN)
 
     items.sort(key=rank)  # stable
 
 
+def shares_browser(item: pytest.Item, following: pytest.Item | None) -> bool:
+    """Whether the browser of a test stays open for the next one."""
+    return following is not None and (
+        following.path == item.path
+        or all(i.path.name.endswith(IN_BROWSER) for i in (item, following))
+    )
+
+
 class Schedule(LoadFileScheduling):
-    """xdist's, where a lane of journeys counts as one file."""
+    """xdist's, where a lane counts as one file."""
 
     def __init__(self, config: pytest.Config, log: Producer | None = None) -> None:
         super().__init__(config, log)
