@@ -12,7 +12,7 @@ Limits  the paper's hand is a left one, palm down: its `left` is the ulnar side,
         radial one, on either hand here
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,14 +58,30 @@ def contact_points(
 ) -> Array:
     """Places (n, 3) in WCS from joint angles (n, joints, 3); an angle that is no freedom of its
     joint counts as zero."""
+    return contact_points_each(angles, geometry, [(finger, point, fingertip)])[0]
+
+
+def contact_points_each(
+    angles: Array, geometry: HandGeometry, points: Sequence[tuple[str, str, FingertipSize]]
+) -> list[Array]:
+    """The same of several points, each by its finger, name and fingertip; the hand is posed once."""
     q_pc = joint_angles.compose(np.where(IS_DOF, angles, 0.0))
+    tips = forward_kinematics.tips(q_pc, geometry)
+    return [
+        tips[..., FINGERS.index(finger), :]
+        + quat.rotate(_q_distal(q_pc, finger), offset(geometry, finger, point, fingertip))
+        for finger, point, fingertip in points
+    ]
+
+
+def _q_distal(q_pc: Array, finger: str) -> Array:
+    """From a finger's distal phalanx to WCS (n, 4)."""
     q = q_pc[..., JOINT["wrist"], :]
     # an unknown wrist counts as neutral, as in forward kinematics
     q = np.where(np.isnan(q), quat.IDENTITY, q)
     for joint in FINGER_JOINTS[finger]:
         q = quat.multiply(q, q_pc[..., JOINT[joint], :])
-    tips = forward_kinematics.tips(q_pc, geometry)[..., FINGERS.index(finger), :]
-    return np.asarray(tips + quat.rotate(q, offset(geometry, finger, point, fingertip)))
+    return q
 
 
 def contact_points_of(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from handscope.estimators.data.fingertip_contacts import FINGERTIPS, contact_points
+from handscope.estimators.data.fingertip_contacts import FINGERTIPS, contact_points_each
 from handscope.estimators.hand import forward_kinematics, joint_angles
 from handscope.estimators.hand.anatomy import ANGLES, CHAINS, FINGERS, JOINTS
 from handscope.estimators.hand.geometry import HandGeometry
@@ -149,11 +149,9 @@ def close_holds(
 def contact_offset(x: Array, hold: Hold, geometry: HandGeometry) -> Array:
     """From contact point b to a (n, 3) in WCS at postures (n, 54)."""
     angles = x[:, 6:].reshape(len(x), -1, 3)
-    a, b = (
-        contact_points(angles, geometry, finger, point, FINGERTIPS[finger])
-        for finger, point in (hold.a, hold.b)
-    )
-    return np.asarray(a - b)
+    points = [(finger, point, FINGERTIPS[finger]) for finger, point in (hold.a, hold.b)]
+    a, b = contact_points_each(angles, geometry, points)
+    return a - b
 
 
 def fingers_of(holds: Sequence[Hold]) -> tuple[str, ...]:
