@@ -9,6 +9,7 @@ from handscope.estimators.finger_ekf.between_chains.hand_bias import HAND, Repor
 from handscope.estimators.finger_ekf.sensor_to_segment import SIZE
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
+from tests.schedule import swept
 
 DEG = np.pi / 180
 WALK, SPAN = 0.001 * DEG, 5.0
@@ -38,9 +39,10 @@ def test_a_rest_of_the_hand_that_every_chain_saw_is_not_told() -> None:
     assert not information_vector.any()
 
 
-def test_the_thumb_knows_the_bias_better_and_as_well_as_it_says() -> None:
-    """Five minutes, 300 people. Half of the variance of what a chain sees is the hand sensor's own and in all five chains."""
-    rng, people = np.random.default_rng(3), 300
+@pytest.mark.parametrize("people", swept([100, 300], kept=[100]))
+def test_the_thumb_knows_the_bias_better_and_as_well_as_it_says(people: int) -> None:
+    """Five minutes. Half of the variance of what a chain sees is the hand sensor's own and in all five chains."""
+    rng = np.random.default_rng(3)
     squares: dict[bool, list[float]] = {True: [], False: []}
     errors: dict[bool, list[float]] = {True: [], False: []}
     for _ in range(people):
