@@ -121,12 +121,12 @@ def _perform(page: Page, task: str, name: str) -> str:
 
 
 def _count_and_switch_are_apart(page: Page) -> None:
-    """Both are drawn over the scene while the task runs, the count below the switch of the sound."""
+    """Both are drawn over the scene while the task runs, the count beside the switch of the sound."""
     count, switch = page.locator(".metronome .count"), page.locator(".cues .sound")
     expect(count).to_have_text(re.compile(r"\d"))
     shown(switch)
     drawn = page.evaluate(COUNT_AND_SWITCH)
-    assert drawn["count"]["height"] > 0 and drawn["count"]["top"] >= drawn["switch"]["bottom"]
+    assert drawn["count"]["height"] > 0 and drawn["count"]["right"] <= drawn["switch"]["left"]
 
 
 def _review(page: Page) -> None:
