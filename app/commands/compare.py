@@ -31,7 +31,7 @@ from handscope.estimators.measures import comparison, synchronisation, tip_error
 from handscope.estimators.measures.comparison import WHOLE, Pair
 from handscope.estimators.measures.synchronisation import Lag
 from handscope.estimators.measures.tip_errors import Frame
-from handscope.estimators.methods import METHODS, default_for
+from handscope.estimators.methods import DEFAULT, DEFAULT_OF_ORIENTATIONS, METHODS, default_for
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation.fusion import FusionParams
 from handscope.estimators.pipeline import landmark_trajectory, optical_trajectory
@@ -83,7 +83,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
             f"--method-{name}",
             metavar="NAME",
-            help=f"method for {side}: {', '.join(METHODS)} (default m2)",
+            help=f"method for {side}: {', '.join(METHODS)} (default {DEFAULT}, {DEFAULT_OF_ORIENTATIONS} for orientations)",
         )
         parser.add_argument(
             f"--option-{name}",
