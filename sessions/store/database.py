@@ -1,6 +1,7 @@
 """Open the database: SQLite in the data folder by default, any SQLAlchemy URL otherwise; brought up to date on opening."""
 
 import os
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -98,9 +99,11 @@ def answer_of(problem: DBAPIError) -> str:
 
 def upgrade(engine: Engine, to: str = "head") -> None:
     """Run the migrations that are missing."""
-    config = Config()
-    config.set_main_option("script_location", MIGRATIONS)
     with engine.connect() as connection:
+        if to == "head" and is_up_to_date(connection):
+            return
+        connection.rollback()  # what was read began a transaction
+        config = _config()
         sqlite = engine.dialect.name == "sqlite"
         if sqlite:  # a table is changed by making it anew: dropping the old one must not take the rows that refer to it
             connection.exec_driver_sql("PRAGMA foreign_keys=OFF")
@@ -121,19 +124,25 @@ def upgrade(engine: Engine, to: str = "head") -> None:
 
 def is_known(revision: str) -> bool:
     """Whether a revision of the schema is one of this program."""
-    config = Config()
-    config.set_main_option("script_location", MIGRATIONS)
-    return revision in {
-        script.revision for script in ScriptDirectory.from_config(config).walk_revisions()
-    }
+    return revision in {script.revision for script in _scripts().walk_revisions()}
 
 
 def is_up_to_date(connection: Connection) -> bool:
     """Whether the schema is this program's."""
+    newest = _scripts().get_current_head()
+    return MigrationContext.configure(connection).get_current_revision() == newest
+
+
+@cache
+def _scripts() -> ScriptDirectory:
+    """The migrations, read once."""
+    return ScriptDirectory.from_config(_config())
+
+
+def _config() -> Config:
     config = Config()
     config.set_main_option("script_location", MIGRATIONS)
-    newest = ScriptDirectory.from_config(config).get_current_head()
-    return MigrationContext.configure(connection).get_current_revision() == newest
+    return config
 
 
 def _require_known(engine: Engine) -> None:
