@@ -19,10 +19,9 @@ SLIPPED_AND_CARRIED = [phrase("force_flag.slip"), phrase("lift.carried")]
 OLD = "the object slipped; part of the load does not change with the acceleration: something not measured carries the object"
 
 
-@pytest.mark.parametrize(
-    "reason", [join(SLIPPED_AND_CARRIED), read_back(OLD)], ids=["codes", "stored text"]
-)
-def test_a_reason_that_a_person_can_mend_comes_with_what_to_do(reason: str) -> None:
+@pytest.mark.parametrize("stored", [False, True], ids=["codes", "stored text"])
+def test_a_reason_that_a_person_can_mend_comes_with_what_to_do(stored: bool) -> None:
+    reason = read_back(OLD) if stored else join(SLIPPED_AND_CARRIED)
     [section] = other_measures([trial(0, 0.9, "poor", reason)], ENGLISH)
     assert [words.split(":")[0] for words in section["advice"]] == [
         "Take an object with a rougher surface, or have it gripped more firmly, and repeat the task.",

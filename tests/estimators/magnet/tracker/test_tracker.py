@@ -22,6 +22,7 @@ from handscope.estimators.sensors import magnetometer_ellipsoid
 from handscope.estimators.simulation import magnet as sim
 from handscope.estimators.simulation.magnet import Motion
 from handscope.estimators.simulation.magnetic_field import EARTH, MagneticField, homogeneous
+from tests.schedule import swept
 
 PARAMS = MagnetParams(gyr_reading="instant")  # as the simulator reads rates
 MM = 1e3
@@ -236,23 +237,20 @@ def test_a_magnet_near_the_plate_is_found_by_the_first_reading() -> None:
     assert np.mean(found) > 0.9
 
 
-def test_out_of_reach_for_ten_seconds_and_back() -> None:
-    """Known to 25 mm two seconds after it is back, on the whole; where it is not known, it says so."""
-    for seed in (
-        2,
-        3,
-        6,
-    ):  # before what led astray was forgotten 3 and 6 came back to a wrong place
-        m = sim.move_hand_away(
-            sim.simulate_condition("both", np.random.default_rng(seed), 40.0), 18.0, 28.0
-        )
-        setup, readings = _made(m, seed)
-        track = tracking.track_readings(PARAMS, setup, readings)
-        off, away, sd = _off(m, track), m.t > 20.0, np.linalg.norm(track.p_sd, axis=1)
-        assert np.sqrt((off[m.t > 28.5 + 2.0] ** 2).mean()) < 0.025
-        assert ((off < 4 * sd) | track.doubtful)[away].all(), (
-            "what it does not know it does not say"
-        )
+@pytest.mark.parametrize("seed", swept([2, 3, 6], kept=[3]))
+def test_out_of_reach_for_ten_seconds_and_back(seed: int) -> None:
+    """Known to 25 mm two seconds after it is back, on the whole; where it is not known, it says so.
+
+    Before what led astray was forgotten 3 and 6 came back to a wrong place.
+    """
+    m = sim.move_hand_away(
+        sim.simulate_condition("both", np.random.default_rng(seed), 40.0), 18.0, 28.0
+    )
+    setup, readings = _made(m, seed)
+    track = tracking.track_readings(PARAMS, setup, readings)
+    off, away, sd = _off(m, track), m.t > 20.0, np.linalg.norm(track.p_sd, axis=1)
+    assert np.sqrt((off[m.t > 28.5 + 2.0] ** 2).mean()) < 0.025
+    assert ((off < 4 * sd) | track.doubtful)[away].all(), "what it does not know it does not say"
 
 
 def test_a_hand_that_rests_far_away_is_not_learnt_as_the_room() -> None:
@@ -266,46 +264,42 @@ def test_a_hand_that_rests_far_away_is_not_learnt_as_the_room() -> None:
     assert (off < 4 * np.linalg.norm(track.p_sd, axis=1))[late].all()
 
 
-def test_a_hand_that_begins_far_away_is_not_found_where_it_is_not() -> None:
+@pytest.mark.parametrize("seed", swept([45, 62, 74], kept=[62]))
+def test_a_hand_that_begins_far_away_is_not_found_where_it_is_not(seed: int) -> None:
     """At 34 to 42 cm single readings tell a place to a quarter of its distance at best: it was kept as known to 3 cm, 6 to 70 cm beside."""
-    for seed in (45, 62, 74):
-        m = sim.simulate_condition("hand", np.random.default_rng(seed), 6.0)
-        track = tracking.track_readings(PARAMS, *_made(m, seed))
-        assert (_off(m, track) < 3.5 * np.linalg.norm(track.p_sd, axis=1))[5:].all()
-        assert np.median(_off(m, track)[-60:]) < 0.025, "found as it comes near"
+    m = sim.simulate_condition("hand", np.random.default_rng(seed), 6.0)
+    track = tracking.track_readings(PARAMS, *_made(m, seed))
+    assert (_off(m, track) < 3.5 * np.linalg.norm(track.p_sd, axis=1))[5:].all()
+    assert np.median(_off(m, track)[-60:]) < 0.025, "found as it comes near"
 
 
-def test_a_hand_at_rest_before_a_trunk_that_breathes_stays_where_it_is() -> None:
+@pytest.mark.parametrize("seed", swept([5, 6], kept=[5]))
+def test_a_hand_at_rest_before_a_trunk_that_breathes_stays_where_it_is(seed: int) -> None:
     """The trunk turns by a degree and passes for standing still: what the filter errs by as readings wander is neither movement nor lateness."""
-    for seed in (5, 6):
-        m = sim.simulate_condition("hand", np.random.default_rng(seed), 30.0)
-        at = np.full(len(m.t), 60)  # where the hand began
-        breath = quat.exp(
-            np.radians(1.0) * np.sin(2 * np.pi * 0.25 * m.t)[:, None] * np.array([1.0, 0.25, 0.25])
-        )
-        q = np.stack(
-            [
-                quat.multiply(
-                    m.q[at, k], breath if k == 0 else np.tile(quat.IDENTITY, (len(at), 1))
-                )
-                for k in range(2)
-            ],
-            axis=1,
-        )
-        rate = (
-            np.radians(1.0)
-            * 2
-            * np.pi
-            * 0.25
-            * np.cos(2 * np.pi * 0.25 * m.t)[:, None]
-            * np.array([1.0, 0.25, 0.25])
-        )
-        m = Motion(
-            m.t, m.p[at], q, np.stack([rate, np.zeros_like(rate)], axis=1), np.zeros_like(m.a)
-        )
-        track = tracking.track_readings(PARAMS, *_made(m, seed))
-        assert (_off(m, track) < 3.5 * np.linalg.norm(track.p_sd, axis=1)).all()
-        assert (np.abs(track.latency) < 4 * track.latency_sd).all(), "no magnetometer is late"
+    m = sim.simulate_condition("hand", np.random.default_rng(seed), 30.0)
+    at = np.full(len(m.t), 60)  # where the hand began
+    breath = quat.exp(
+        np.radians(1.0) * np.sin(2 * np.pi * 0.25 * m.t)[:, None] * np.array([1.0, 0.25, 0.25])
+    )
+    q = np.stack(
+        [
+            quat.multiply(m.q[at, k], breath if k == 0 else np.tile(quat.IDENTITY, (len(at), 1)))
+            for k in range(2)
+        ],
+        axis=1,
+    )
+    rate = (
+        np.radians(1.0)
+        * 2
+        * np.pi
+        * 0.25
+        * np.cos(2 * np.pi * 0.25 * m.t)[:, None]
+        * np.array([1.0, 0.25, 0.25])
+    )
+    m = Motion(m.t, m.p[at], q, np.stack([rate, np.zeros_like(rate)], axis=1), np.zeros_like(m.a))
+    track = tracking.track_readings(PARAMS, *_made(m, seed))
+    assert (_off(m, track) < 3.5 * np.linalg.norm(track.p_sd, axis=1)).all()
+    assert (np.abs(track.latency) < 4 * track.latency_sd).all(), "no magnetometer is late"
 
 
 @cache
