@@ -154,14 +154,16 @@ def set_password(db: Db, who: RequesterDep, request: Request, new: NewPassword) 
 def read_audit(
     db: Db,
     requester: RequesterDep,
+    response: Response,
     who: Annotated[str, Query(max_length=64)] = "",
     what: Annotated[str, Query(max_length=64)] = "",
     patient: int | None = None,
     before: Annotated[int | None, Query(description="a line's number, to go on from there")] = None,
     limit: Annotated[int, Query(ge=1, le=MOST)] = 100,
 ) -> list[dict[str, Any]]:
-    """Lines of the audit trail, the newest first; to an administrator of wards those about their patients and of their accounts."""
+    """Lines of the audit trail, the newest first; to an administrator of wards those about their patients and of their accounts; the header X-Total-Count says how many there are."""
     within = wards.audited_within(db, requester.visibility)
+    response.headers["X-Total-Count"] = str(audit.count_lines(db, who, what, patient, within))
     lines = audit.list_lines(db, who, what, patient, before, limit, within)
     return [audit_row(line) for line in lines]
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, event, insert, inspect, select, text, update
+from sqlalchemy import ColumnElement, Connection, event, func, insert, inspect, select, text, update
 from sqlalchemy.orm import Session, sessionmaker
 
 from handscope.estimators.messages.sentence import phrase
@@ -134,17 +134,31 @@ def list_lines(
     within: ColumnElement[bool] | None = None,
 ) -> list[AuditLine]:
     """The newest first; `before` a line's number, to go on from there; `within`: what else holds of them (sessions/wards)."""
-    query = select(AuditLine).order_by(AuditLine.id.desc()).limit(limit)
-    if within is not None:
-        query = query.where(within)
-    for column, value in (
-        (AuditLine.who, who),
-        (AuditLine.what, what),
-        (AuditLine.patient, patient),
-    ):
-        if value:
-            query = query.where(column == value)
+    query = select(AuditLine).where(*_wanted(who, what, patient, within))
+    query = query.order_by(AuditLine.id.desc()).limit(limit)
     return list(db.scalars(query.where(AuditLine.id < before) if before else query))
+
+
+def count_lines(
+    db: Session,
+    who: str = "",
+    what: str = "",
+    patient: int | None = None,
+    within: ColumnElement[bool] | None = None,
+) -> int:
+    """How many lines there are of those that `list_lines` gives."""
+    wanted = _wanted(who, what, patient, within)
+    return db.scalar(select(func.count(AuditLine.id)).where(*wanted)) or 0
+
+
+def _wanted(
+    who: str, what: str, patient: int | None, within: ColumnElement[bool] | None
+) -> list[ColumnElement[bool]]:
+    """What holds of the lines that are asked for."""
+    asked = ((AuditLine.who, who), (AuditLine.what, what), (AuditLine.patient, patient))
+    return [column == value for column, value in asked if value] + (
+        [] if within is None else [within]
+    )
 
 
 def verify(db: Session, against: Sequence[tuple[int, str]] = ()) -> Verdict:

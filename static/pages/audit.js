@@ -1,6 +1,7 @@
 /** The audit trail, for administrators: lines, the newest first, and whether the chain holds. */
 import { h } from "../dom.js";
 import { errorBox, field, once, onSubmit } from "../forms.js";
+import { pages } from "../paging.js";
 import { openedInEmergency } from "../patient/emergency.js";
 import { counted, known, shortDayAndTime, t } from "../words/words.js";
 
@@ -15,7 +16,8 @@ export function mount(root, api, { title }) {
   const none = h("p", { class: "soft", hidden: true }, t("audit.none"));
   const who = h("input", { autocomplete: "off" });
   const patient = h("input", { inputmode: "numeric", autocomplete: "off" });
-  const more = h("button", { hidden: true, onclick: () => once(more, box, () => draw(rows.lastChild.dataset.id)) }, t("audit.more"));
+  const turning = h("div", {});
+  let begins = [null]; // of each page the line that stands before its first: lines come in above, and move nothing
   const form = h(
     "form",
     { class: "buttons", novalidate: true },
@@ -24,15 +26,23 @@ export function mount(root, api, { title }) {
     h("button", { type: "submit" }, t("audit.show")),
   );
 
-  async function draw(before) {
+  async function draw(offset = 0) {
+    const page = offset / PAGE;
+    if (!page) begins = [null];
     const query = new URLSearchParams({ limit: String(PAGE) });
-    const wanted = { who: who.value.trim(), patient: patient.value.trim(), before };
+    const wanted = { who: who.value.trim(), patient: patient.value.trim(), before: begins[page] };
     for (const [name, value] of Object.entries(wanted)) if (value) query.set(name, value);
-    const lines = await api.get(`/api/audit?${query}`);
-    if (!before) rows.replaceChildren();
-    rows.append(...lines.map(one));
-    more.hidden = lines.length < PAGE;
-    none.hidden = rows.childElementCount > 0;
+    const found = await api.some(`/api/audit?${query}`);
+    rows.replaceChildren(...found.rows.map(one));
+    begins[page + 1] = found.rows.at(-1)?.id;
+    turning.replaceChildren(pages(found, offset, PAGE, turn));
+    none.hidden = found.rows.length > 0;
+  }
+
+  async function turn(to) {
+    await draw(to).catch(box.show);
+    section.scrollIntoView({ block: "nearest" });
+    lines.focus({ preventScroll: true });
   }
 
   const verify = h("button", { onclick: () => once(verify, box, check) }, t("audit.verify"));
@@ -43,19 +53,14 @@ export function mount(root, api, { title }) {
     verdict.replaceChildren(h("p", { class: broken ? "error" : "soft" }, words));
   }
 
+  const lines = h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": t("audit.title") }, table(rows));
+  const section = h("section", { class: "card" }, form, lines, none, turning);
   onSubmit(form, box, () => draw());
   root.append(
     h("div", { class: "head" }, h("div", {}, h("h1", {}, t("audit.title")), h("p", { class: "soft" }, t("audit.lead"))), verify),
     box.element,
     verdict,
-    h(
-      "section",
-      { class: "card" },
-      form,
-      h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": t("audit.title") }, table(rows)),
-      none,
-      more,
-    ),
+    section,
   );
   draw().catch(box.show);
   api.get("/api/emergency-accesses").then((all) => root.append(openedInEmergency(all) || ""), box.show);

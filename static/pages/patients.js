@@ -6,7 +6,8 @@ import * as emergency from "../patient/emergency.js";
 import * as erasures from "../patient/erasures.js";
 import * as newPatient from "../patient/new_patient.js";
 import * as notFinished from "../patient/unfinished.js";
-import { counted, shortDayAndTime, t, whole } from "../words/words.js";
+import { pages } from "../paging.js";
+import { counted, shortDayAndTime, t } from "../words/words.js";
 
 const PAGE = 50;
 
@@ -73,7 +74,8 @@ export function mount(root, api, { go, title, roles }) {
       leaveErased = archived.checked && (treats || roles.includes("administrator")) ? erasures.mount(erased, api) : () => {};
       coming.take(found.rows);
       const at = again && list.contains(document.activeElement) && document.activeElement.getAttribute("href");
-      list.replaceChildren(...(found.rows.length ? [table(found.rows), pages(found, offset, turn)] : [nobody(words, archived.checked)]));
+      const some = found.rows.length > 0;
+      list.replaceChildren(...(some ? [table(found.rows), pages(found, offset, PAGE, turn)] : [nobody(words, archived.checked)]));
       if (at) list.querySelector(`a[href="${at}"]`)?.focus();
     } catch (error) {
       if (mine === asked) box.show(error, h("button", { type: "button", onclick: () => draw() }, t("patients.retry")));
@@ -122,20 +124,6 @@ function table(patients) {
   );
   const list = h("table", { class: "rows patients" }, h("thead", {}, h("tr", {}, head)), h("tbody", {}, rows));
   return h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": t("patients.title") }, list);
-}
-
-/** Where we are in a long list, and how to go on; nothing where all of it is shown. */
-function pages({ rows, total }, offset, turn) {
-  if (total <= PAGE) return h("span", {});
-  const step = (word, to) => h("button", { onclick: () => turn(to), disabled: to < 0 || to >= total }, t(word));
-  const where = t("patients.found", { from: whole(offset + 1), to: whole(offset + rows.length), total: whole(total) });
-  return h(
-    "nav",
-    { class: "pages", "aria-label": t("patients.pages") },
-    step("patients.newer", offset - PAGE),
-    h("span", { role: "status" }, where),
-    step("patients.older", offset + PAGE),
-  );
 }
 
 function nobody(words, archived) {

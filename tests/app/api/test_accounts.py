@@ -152,7 +152,11 @@ def test_administrators_read_the_trail_page_by_page_and_verify_it(
     log_in_as: Callable[..., TestClient],
 ) -> None:
     client = log_in_as(ADMINISTRATOR)
-    lines = client.get("/api/audit?limit=5").json()
+    answer = client.get("/api/audit?limit=5")
+    lines = answer.json()
+    assert int(answer.headers["X-Total-Count"]) == lines[0]["id"]
+    refused = client.get("/api/audit?what=refused")
+    assert int(refused.headers["X-Total-Count"]) == len(refused.json())
     assert [line["id"] for line in lines] == list(range(lines[0]["id"], lines[0]["id"] - 5, -1))
     assert (
         client.get(f"/api/audit?limit=1&before={lines[-1]['id']}").json()[0]["id"]
