@@ -5,6 +5,7 @@ from dataclasses import replace
 from math import radians
 from typing import Any
 
+import numpy as np
 import pytest
 
 from handscope.app.devices.glove import Glove
@@ -26,6 +27,7 @@ from handscope.sessions.wire.messages import Cue
 from tests.app.devices.virtual import wait_for
 from tests.app.live.test_live_numbers import station  # noqa: F401  a fixture
 from tests.app.live.wizard.test_machine import PROTOCOLS, READY
+from tests.simulated import in_strips
 
 
 def kept(station: Station, monkeypatch: pytest.MonkeyPatch) -> list[Event]:
@@ -315,3 +317,19 @@ def test_fingertips_that_were_held_together_are_contacts_of_the_recording(
     assert [h.contacts[0].b[0] for h in held] == ["index", "middle", "ring", "little"]
     assert [round(h.onset, 6) for h in held] == [32.0, 36.5, 41.0, 45.5]
     assert [round(h.end, 6) for h in held] == [34.2, 38.7, 43.2, 47.7]
+
+
+def test_how_well_the_pose_fits_counts_the_angles_of_a_photograph(station: Station) -> None:
+    """A hand that lies flat, of which a photograph shows an index finger bent by 40°, is not in the pose that counts."""
+    recording = in_strips("left")
+    until = recording.events[0].end
+    station.tracking._process([b.between(-np.inf, until) for b in recording.samples.values()])
+    station.glove.assembler.mounting |= recording.mounting
+    grades = []
+    for measured in ({}, {"index_mcp_flexion_deg": 40.0}):
+        station.take_measured_pose(measured)
+        station._wizard = replace(station._wizard, state=State.POSE_READY)
+        station._tick()
+        fitted = {row["part"]: row for row in station.snapshot()["pose_fit"]}
+        grades.append((fitted["index"]["grade"], fitted["index"]["deg"], fitted["middle"]["grade"]))
+    assert grades == [("good", 0, "good"), ("poor", 40, "good")]
