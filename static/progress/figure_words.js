@@ -8,7 +8,7 @@ export const PARTS = ["thumb", "index", "middle", "ring", "little", "wrist", "fo
 /** The finger or the wrist that a figure is of; "all" where it is of none. */
 export const partOf = (series) => series.finger || series.joint.split("_")[0] || "all";
 
-/** "Index PIP flexion", "Rate". */
+/** "Index PIP, flexion", "Rate". */
 export function labelWords(series) {
   if (!series.joint) return series.label;
   const turned = series.angle !== "flexion" || series.joint === "thumb_cmc";

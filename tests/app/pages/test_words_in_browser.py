@@ -121,13 +121,13 @@ def test_a_value_says_its_direction_only_where_its_name_does_not(browser: Browse
       return figures.map(([joint, angle, end, value]) => `${labelWords({ joint, angle, end })}: ${valueWords({ joint, angle, end }, value)}`);
     }"""
     words = {
-        ("wrist", "flexion", "smallest", -36.2): "Wrist extension: 36°",
-        ("wrist", "flexion", "smallest", 4.0): "Wrist extension: 4° flexed",
-        ("wrist", "flexion", "largest", 49.0): "Wrist flexion: 49°",
-        ("wrist", "deviation", "largest", 20.0): "Wrist ulnar: 20°",
-        ("wrist", "deviation", "largest", -3.0): "Wrist ulnar: 3° radial",
-        ("index_pip", "flexion", "largest", 84.0): "Index PIP flexion: 84°",
-        ("index_pip", "flexion", "smallest", 12.0): "Index PIP extension: 12° flexed",
-        ("index_pip", "flexion", "smallest", -5.0): "Index PIP extension: 5° hyperext.",
+        ("wrist", "flexion", "smallest", -36.2): "Wrist, extension: 36°",
+        ("wrist", "flexion", "smallest", 4.0): "Wrist, extension: 4° flexed",
+        ("wrist", "flexion", "largest", 49.0): "Wrist, flexion: 49°",
+        ("wrist", "deviation", "largest", 20.0): "Wrist, ulnar: 20°",
+        ("wrist", "deviation", "largest", -3.0): "Wrist, ulnar: 3° radial",
+        ("index_pip", "flexion", "largest", 84.0): "Index PIP, flexion: 84°",
+        ("index_pip", "flexion", "smallest", 12.0): "Index PIP, extension: 12° flexed",
+        ("index_pip", "flexion", "smallest", -5.0): "Index PIP, extension: 5° hyperext.",
     }
     assert said(browser, "en", read, list(map(list, words))) == list(words.values())
