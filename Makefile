@@ -23,7 +23,7 @@ test:
 # What a contributor runs: no browser, no other program, no test of more than half a second
 test-fast:
 	@$(MAKE) --no-print-directory --jobs 2 $(VENV)/runs check
-	$(PYTEST) -m "not slow and not long and not browser and not process" --ignore tests/journeys -n 2
+	$(PYTEST) -m "not slow and not long and not browser and not process" --ignore tests/journeys -n 3
 
 # Everything: also the Monte-Carlo trials and the long runs that are marked slow
 test-all:
