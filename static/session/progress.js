@@ -30,7 +30,7 @@ export function mount(root, api, { session, result, reload }) {
     root.append(h("h2", {}, t("progress.unusable")), box.element, h("p", {}, t("progress.unusable.next")));
   } else {
     const bar = progressBar(t("progress.working"));
-    root.append(h("h2", { role: "status" }, t("progress.working")), bar.element, box.element);
+    root.append(h("div", { role: "status" }, h("h2", {}, t("progress.working"))), bar.element, box.element);
     if (result) root.append(h("p", {}, h("button", { type: "button", onclick: stop }, t("progress.stop"))));
     watch(bar);
   }

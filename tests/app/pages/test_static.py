@@ -215,3 +215,9 @@ def test_words_stand_in_no_module() -> None:
 def test_a_label_takes_its_colon_from_the_language(path: Path) -> None:
     """French has a space before it: words/joined.js `labelled`."""
     assert re.findall(r"\$\{[^}]*\}: ?`", path.read_text("utf-8")) == []
+
+
+def test_a_heading_stays_one_for_a_screen_reader() -> None:
+    """A role of its own would take it out of the list of headings."""
+    with_role = re.compile(r'h\("h[1-6]", \{[^}]*\brole:')
+    assert [p.name for p in MODULES if with_role.search(p.read_text("utf-8"))] == []
