@@ -275,13 +275,17 @@ def _is_for_anybody(path: str, access: RouteAccess | None) -> bool:
 
 def _is_file(path: str) -> bool:
     """Whether a path, decoded, is one of the pages' files; none that leads out of their folder."""
-    return path.startswith(FILES) and posixpath.normpath(path) == path and "\\" not in path
+    return path.startswith(FILES) and _is_plain(path)
+
+
+def _is_plain(path: str) -> bool:
+    """Whether a path leads nowhere but where it says."""
+    return posixpath.normpath(path) == path and "\\" not in path
 
 
 def _is_open(path: str) -> bool:
     """Whether a path, decoded, is one of the login page's; none that leads out of its folder."""
-    plain = posixpath.normpath(path) == path and "\\" not in path
-    return plain and (path in OPEN_FILES or path.startswith(OPEN_FOLDERS))
+    return _is_plain(path) and (path in OPEN_FILES or path.startswith(OPEN_FOLDERS))
 
 
 def asks_for_page(connection: HTTPConnection) -> bool:
