@@ -70,9 +70,8 @@ def draw_board(many: int, chips: Chips, rng: np.random.Generator) -> Board:
         degrees=True,
     )
     axes = quarters.as_matrix() if chips.turned else np.repeat(np.eye(3)[None], many, axis=0)
-    axes[0] = np.eye(
-        3
-    )  # `--turned` takes the frame of the board from the first chip as it was declared
+    # `--turned` takes the frame of the board from the first chip as it was declared
+    axes[0] = np.eye(3)
     axes = (np.eye(3) + (soft + soft.transpose(0, 2, 1)) / 2) @ axes
     if chips.misaligned:
         axes = (
