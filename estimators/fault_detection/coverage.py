@@ -26,6 +26,7 @@ from handscope.estimators.fault_detection.neighbours.check_neighbours import (
 )
 from handscope.estimators.fault_detection.neighbours.rates import rate_tests, synchrony
 from handscope.estimators.fault_detection.neighbours.rates.common_rates import CommonRates
+from handscope.estimators.fault_detection.neighbours.unexplained import Others
 from handscope.estimators.fault_detection.neighbours.vibration import Vibration
 from handscope.estimators.fault_detection.single_sensors import gyroscope_check, rest_turns
 from handscope.estimators.fault_detection.single_sensors.cells import Cells, begins
@@ -63,10 +64,11 @@ def untested(
     by_gravity = _shown_by_gravity(compared.cells)
     views = compared.views
     rates, shaking = (views.rates, views.vibration) if views else (None, None)
+    others = Others(views.pairs) if views else None
     sensors = [
         s
         for s, shown in by_gravity.items()
-        if s not in named and not all(shown[g] or _gain_shows(rates, s, g) for g in GAINS)
+        if s not in named and not all(shown[g] or _gain_shows(rates, others, s, g) for g in GAINS)
     ]
     strips = [
         finger
@@ -97,8 +99,10 @@ def _shown_by_gravity(cells: Cells) -> dict[str, dict[float, bool]]:
     return shown
 
 
-def _gain_shows(rates: CommonRates | None, sensor: str, gain: float) -> bool:
-    if rates is None or sensor not in rates.pairs.series.sensors:  # the trunk's has no neighbour
+def _gain_shows(rates: CommonRates | None, others: Others | None, sensor: str, gain: float) -> bool:
+    if (
+        rates is None or others is None or sensor not in rates.pairs.series.sensors
+    ):  # the trunk's has no neighbour
         return False
     wrong = rates.pairs.with_gain(sensor, 1.0 / gain)
     if gains.p_value_of(wrong, rates.pairs, sensor, gain) < FALSE_ALARM:
@@ -107,7 +111,7 @@ def _gain_shows(rates: CommonRates | None, sensor: str, gain: float) -> bool:
         return True
     return any(
         u.p_value < FALSE_ALARM * len(wrong.joints) / len(rates.pairs.joints)
-        for u in unexplained.find(wrong)
+        for u in unexplained.find(wrong, others)
         if sensor in u.joint
     )
 

@@ -52,7 +52,7 @@ from handscope.estimators.hand.geometry import HandGeometry, root_joint
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
-FALSE_ALARM = 2e-4  # of each family of tests in one recording: eight of them, those of synchrony.py and finger_order.py, and those of single sensors, stay below 1 in 200
+FALSE_ALARM = 2e-4  # of each family of tests in one recording: nine of them, those of synchrony.py and finger_order.py, and those of single sensors, stay below 1 in 200
 OF_HAND = 1e-5  # the same of the declared hand: how far people's knuckles lie from the declared is known roughly
 
 

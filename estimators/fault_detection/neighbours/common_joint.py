@@ -83,11 +83,17 @@ class Couple:
         return np.maximum(self.first.turning, self.second.turning)
 
     @cached_property
-    def noise(self) -> Array:
-        """Mean square (K,) that a joint of intact sensors leaves: skin moves its place, scale errors turn with gravity."""
+    def parts(self) -> Array:
+        """Mean squares (K, 3) that a joint of intact sensors leaves: always, as skin moves its place, as scale errors turn with gravity."""
         skin = ARM * SKIN * np.maximum(self.pulled, self.turning)
         turn = np.maximum(self.first.turn, self.second.turn)
-        return np.asarray(FLOOR**2 + SCALE_OFF**2 + skin**2 + (GRAVITY_OFF * turn) ** 2)
+        always = np.full_like(skin, FLOOR**2 + SCALE_OFF**2)
+        return np.stack([always, skin**2, (GRAVITY_OFF * turn) ** 2], axis=1)
+
+    @cached_property
+    def noise(self) -> Array:
+        """Sum (K,) of the parts."""
+        return np.asarray(self.parts.sum(axis=1))
 
     @cached_property
     def left_by_gravity(self) -> Array:

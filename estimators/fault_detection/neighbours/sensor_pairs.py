@@ -26,6 +26,7 @@ DORSAL = {
 PHALANX = 0.009
 REACH = {"hand": 0.03, "forearm": 0.05}  # m, how far a joint may be from where it is expected; ours
 NEAR = 0.012
+WIDE = 2.5  # times that reach: sensors at the far end of their segments, a hand of another size
 GAINED = (
     0.3  # log ratio by which a joint anywhere explains more than gravity does: movements 0.9 to 4
 )
@@ -119,6 +120,12 @@ class Pairs:
         use = self.use(a, b) & (t >= span[0]) & (t + joint_windows.LENGTH <= span[1])
         near = replace(region, reach=np.full(2, np.inf), sd=NEAR)
         return common_joint.refit(self.joint(a, b, (a, b)), use.astype(float), near)
+
+    def joint_in_wide_reach(self, a: str, b: str) -> Joint:
+        """The joint of two neighbours that sit anywhere on their segments."""
+        region = self.expected(a, b, (a, b))
+        wide = replace(region, reach=WIDE * region.reach)
+        return common_joint.fit(self.couple(a, b), self.use(a, b).astype(float), wide)
 
     def couple(self, a: str, b: str, late: float = 0.0) -> Couple:
         """Two sensors, the readings of `b` taken `late` s later."""

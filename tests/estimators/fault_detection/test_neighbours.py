@@ -10,6 +10,8 @@ from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.neighbours import check_neighbours as neighbours
 from handscope.estimators.hand.anatomy import CHAINS, Hand
 from handscope.estimators.hand.geometry import HandGeometry, sized
+from handscope.estimators.simulation.scenario import simulate
+from handscope.estimators.simulation.sensors import SensorErrors
 from tests.estimators.fault_detection.joint_recordings import (
     amplified,
     delayed,
@@ -86,6 +88,22 @@ def test_a_gyroscope_that_reads_too_much_for_three_seconds_only_is_told() -> Non
     assert {s.message.code for s in found} == {"sensors.disagree"}
     assert all("index_middle" in s.sensors for s in found)
     assert all(a >= 9.0 and b <= 13.0 for s in found for a, b in s.spans)
+
+
+@pytest.mark.parametrize("since", [-np.inf, 8.0])
+def test_a_gyroscope_of_the_only_finger_that_moves_is_compared_with_what_other_joints_leave(
+    since: float,
+) -> None:
+    """Its joints leave less than skin might, and far more than those of the other sensors."""
+    rng = np.random.default_rng(8)
+    tapping = simulate(("tapping",), "left", GEOMETRY, rng, SensorErrors())
+    assert told(list(tapping.blocks())) == []
+    found = told(amplified(tapping, "index_distal", 1.3, (since, np.inf)))
+    assert [(s.message.code, s.sensors) for s in found] == [
+        ("sensors.disagree", ("index_middle", "index_distal"))
+    ]
+    ((start, _),) = found[0].spans
+    assert start >= since - 1.0
 
 
 def test_two_exchanged_fingers_are_named() -> None:
