@@ -26,7 +26,8 @@ DORSAL = {
 PHALANX = 0.009
 REACH = {"hand": 0.03, "forearm": 0.05}  # m, how far a joint may be from where it is expected; ours
 NEAR = 0.012
-WIDE = 2.5  # times that reach: sensors at the far end of their segments, a hand of another size
+FROM_WRIST = 0.06  # m, of the forearm's sensor
+BESIDE = 0.008  # m, beyond the end of its segment, that a sensor may sit from a joint, its height and lengths that are not declared right among them; ours
 GAINED = (
     0.3  # log ratio by which a joint anywhere explains more than gravity does: movements 0.9 to 4
 )
@@ -121,11 +122,12 @@ class Pairs:
         near = replace(region, reach=np.full(2, np.inf), sd=NEAR)
         return common_joint.refit(self.joint(a, b, (a, b)), use.astype(float), near)
 
-    def joint_in_wide_reach(self, a: str, b: str) -> Joint:
+    def joint_along(self, a: str, b: str) -> Joint:
         """The joint of two neighbours that sit anywhere on their segments."""
         region = self.expected(a, b, (a, b))
-        wide = replace(region, reach=WIDE * region.reach)
-        return common_joint.fit(self.couple(a, b), self.use(a, b).astype(float), wide)
+        ends = np.array([0.5 * self._length(s) + BESIDE for s in (a, b)])
+        anywhere = replace(region, reach=np.maximum(region.reach, ends))
+        return common_joint.fit(self.couple(a, b), self.use(a, b).astype(float), anywhere)
 
     def couple(self, a: str, b: str, late: float = 0.0) -> Couple:
         """Two sensors, the readings of `b` taken `late` s later."""
@@ -177,16 +179,18 @@ class Pairs:
                 [0.0, 0.5 * self.geometry.palm_length, 0.0]
             )
         else:
-            far = sign * np.array(
-                [0.0, 0.06 if parent == "forearm" else 0.5 * self.geometry.lengths[parent], 0.0]
-            )
-        length = self.geometry.palm_length if child == "hand" else self.geometry.lengths[child]
-        near = sign * np.array([0.0, -0.5 * length, 0.0])
+            far = sign * np.array([0.0, 0.5 * self._length(parent), 0.0])
+        near = sign * np.array([0.0, -0.5 * self._length(child), 0.0])
         places = []
         for sensor, segment, place in ((a, parent, far), (b, child, near)):
             above = sign * np.array([DORSAL.get(segment, PHALANX), 0.0, 0.0])
             places.append(quat.rotate(quat.conjugate(self.q_BS[sensor]), place - above))
         return Region(np.concatenate(places), np.array([REACH.get(s, NEAR) for s in at]))
+
+    def _length(self, segment: str) -> float:
+        """Length of a segment, m; of the forearm twice what its sensor sits from the wrist."""
+        known = {"hand": self.geometry.palm_length, "forearm": 2 * FROM_WRIST}
+        return known[segment] if segment in known else self.geometry.lengths[segment]
 
     def is_doubtful(self, a: str, b: str) -> bool:
         """Whether several windows leave more than noise of the joint between two segments, where they turn."""

@@ -95,7 +95,7 @@ def _beyond_others(pairs: Pairs, others: Others, joint: tuple[str, str]) -> tupl
     near, use = pairs.joint(*joint, joint), pairs.use(*joint) & pairs.turns(*joint)
     if np.count_nonzero(use) < FEWEST or not _is_much(near.rest[use], near.noise[use]):
         return 0.0, 1.0
-    rest = np.minimum(near.rest, pairs.joint_in_wide_reach(*joint).rest)[use]
+    rest = np.minimum(near.rest, pairs.joint_along(*joint).rest)[use]
     if not _is_much(rest, near.noise[use]):
         return 0.0, 1.0
     found = []
