@@ -26,6 +26,7 @@ from handscope.estimators.numerics.variance_components import (
 MEDIAN, SPREAD = 0.15, 0.88  # of intact joints, skin that moves twice as much among them
 FEW = 3  # windows in which a joint may leave much although it leaves little in the rest: a finger that moves a few times
 MEDIAN_OF_FEW, SPREAD_OF_FEW = 0.17, 1.05  # of what intact joints leave in the FEW-th worst window
+USUAL = 0.2  # probability of what a joint leaves among the recording's others from which on it is usual there, whatever other recordings' joints leave
 MUCH = 0.25  # times the noise of common_joint.py, half of each size, from which on a joint is compared with the recording's others
 # of the logarithm of what an intact joint leaves to what the others let expect, over all windows and in the FEW-th worst: of 5,107 joints in 370 simulated recordings of 37 kinds
 # 0.0 and 0.3 in the middle, 2.8 and 3.3 at most; the spread is the largest of these in normal deviates
@@ -74,8 +75,10 @@ def find(pairs: Pairs, others: Others | None = None) -> Iterator[Unexplained]:
     """
     others = others or Others(pairs)
     for joint in pairs.joints:
-        found = (_beyond_other_recordings(pairs, joint), _beyond_others(pairs, others, joint))
-        ratio, p = min(found, key=lambda each: each[1])
+        among = _beyond_others(pairs, others, joint)
+        if among[1] > USUAL:
+            continue
+        ratio, p = min(_beyond_other_recordings(pairs, joint), among, key=lambda each: each[1])
         if ratio > POOR:
             yield Unexplained(joint, ratio, min(1.0, p * len(pairs.joints)), _span(pairs, joint))
 
