@@ -93,7 +93,7 @@ def of_unexplained(found: Unexplained) -> Suspicion:
     values: dict[str, float | str] = {
         "first": found.joint[0],
         "second": found.joint[1],
-        "ratio": found.ratio,
+        "ratio": float(np.sqrt(found.ratio)),  # of accelerations, or rates, not of their squares
         "start": found.span[0],
         "stop": found.span[1],
         "odds": odds_of(found.p_value),
