@@ -46,6 +46,7 @@ from handscope.app.job_queue import Jobs
 from handscope.app.live.relays import Relays, relay_account
 from handscope.app.live.station import Station
 from handscope.app.live.stations import Stations
+from handscope.app.page_files.files import STATIC, Files
 from handscope.app.settings import Settings
 from handscope.app.state import Parts
 from handscope.app.version import software_version
@@ -128,7 +129,7 @@ def create_app(settings: Settings) -> FastAPI:
     )
     errors.install(app)
     # first: a page asks for eighty of them, and routes are tried in this order
-    app.mount("/static", pages.Files(directory=pages.STATIC), name="static")
+    app.mount("/static", Files(directory=STATIC), name="static")
     for module in (
         accounts,
         patients,

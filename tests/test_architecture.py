@@ -106,6 +106,7 @@ LEVELS = {  # a package imports packages of lower levels only
         "analysis",
         "live",
         "auth",
+        "page_files",
         "api",
         "commands",
     ),

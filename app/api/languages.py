@@ -7,9 +7,9 @@ from fastapi import APIRouter, Request
 from starlette.responses import Response
 
 from handscope.app import language
-from handscope.app.api.pages import text_answer
 from handscope.app.auth.roles import ANYBODY, requires_role
 from handscope.app.language import Language
+from handscope.app.page_files.files import text_answer
 
 router = APIRouter(include_in_schema=False, dependencies=[requires_role(ANYBODY)])
 

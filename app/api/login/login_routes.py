@@ -8,12 +8,12 @@ from sqlalchemy.exc import DBAPIError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.responses import FileResponse, JSONResponse, RedirectResponse
 
-from handscope.app.api.pages import STATIC
 from handscope.app.auth import passkeys
 from handscope.app.auth.gate import cookie_name, cookie_of
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import ANYBODY, EVERY_ACCOUNT, address_of, requires_role
 from handscope.app.auth.security_headers import is_over_tls
+from handscope.app.page_files.files import STATIC
 from handscope.app.state import Db, PartsDep
 from handscope.app.version import software_version
 from handscope.estimators.errors import InputError

@@ -18,7 +18,7 @@ from starlette.websockets import WebSocketDisconnect
 
 from handscope.app import language as languages
 from handscope.app.api.broadcast import TRANSLATED_KEYS
-from handscope.app.api.pages import OPENING, STATIC, scene_answer
+from handscope.app.api.pages import OPENING, scene_answer
 from handscope.app.api.patient_view.screen_access import (
     COOKIE,
     await_station,
@@ -34,6 +34,7 @@ from handscope.app.auth.security_headers import is_over_tls
 from handscope.app.live.patient_view.invitations import SCREEN_LIFE, Screen
 from handscope.app.live.patient_view.screen_state import screen_state
 from handscope.app.live.station import Station
+from handscope.app.page_files.files import STATIC
 from handscope.app.scene import bridge
 from handscope.app.state import Parts, PartsDep, parts
 from handscope.estimators.errors import InputError

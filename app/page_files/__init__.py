@@ -1,0 +1,1 @@
+"""The pages' files on their way to a browser."""
