@@ -47,6 +47,7 @@ from handscope.app.live.relays import Relays, relay_account
 from handscope.app.live.station import Station
 from handscope.app.live.stations import Stations
 from handscope.app.page_files.files import STATIC, Files
+from handscope.app.page_files.versions import VersionedAddresses
 from handscope.app.settings import Settings
 from handscope.app.state import Parts
 from handscope.app.version import software_version
@@ -123,6 +124,7 @@ def create_app(settings: Settings) -> FastAPI:
             *proxies,
             Middleware(SecurityHeaders),
             Middleware(PlainAddresses),
+            Middleware(VersionedAddresses),
             Middleware(RequestLimits, largest_upload=settings.largest_upload),
             Middleware(Gate, store=store, settings=settings),
         ],

@@ -1,9 +1,7 @@
 /** The HTTP API: values in, values out; what goes wrong is an Error with the sentence to show. */
-import { language } from "./words/languages.js";
+import { takeEarly } from "./first_view.js";
+import { READER } from "./words/languages.js";
 import { t } from "./words/words.js";
-
-/** Sentences in an answer come in this language, with times by the clock that the page itself tells them by. */
-const READER = { "Accept-Language": language, "Time-Zone": Intl.DateTimeFormat().resolvedOptions().timeZone ?? "" };
 
 export class ApiError extends Error {
   constructor(sentence, status = 0, confirm = []) {
@@ -27,14 +25,15 @@ export function makeApi(stranger) {
   }
 
   async function some(path) {
-    const response = await reach(path, {});
+    const response = await reach(path, { method: "GET" });
     return { rows: await response.json(), total: Number(response.headers.get("X-Total-Count")) };
   }
 
   async function reach(path, options) {
     let response;
     try {
-      response = await fetch(path, { ...options, headers: { ...READER, ...options.headers } });
+      const asked = options.method === "GET" && takeEarly(path);
+      response = await (asked || fetch(path, { ...options, headers: { ...READER, ...options.headers } }));
     } catch {
       throw new ApiError(t("error.unreachable"));
     }

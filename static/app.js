@@ -1,6 +1,7 @@
 /** The one document: header and footer, and between them the page that the address names. */
 import { makeApi } from "./api.js";
 import { h } from "./dom.js";
+import { account, forgetEarly } from "./first_view.js";
 import { menu } from "./menu.js";
 import { t } from "./words/words.js";
 
@@ -19,9 +20,11 @@ const PAGES = [
 ];
 /** @type {[RegExp, () => Promise<any>]} */
 const NONE = [/.*/, () => import("./pages/missing.js")];
+/** @type {HTMLLinkElement} */
+const { href: FAVICON } = document.querySelector("link[rel=icon]");
 const FOR = { "/": "clinicians scientists" }; // hidden from other roles (styles/frame.css)
 const api = makeApi(() => away || depart());
-const account = api.get("/api/me").catch(() => ({ roles: ["clinician"] })); // the server refuses an unknown account
+const { roles, lacks_second_factor: lacks } = account;
 const main = h("main", { id: "main", tabindex: "-1" });
 const links = [
   ["/", "nav.patients"],
@@ -36,12 +39,13 @@ let away = false; // the document is being left: what is refused meanwhile leads
 async function show() {
   const mine = (turn += 1);
   const [pattern, load] = PAGES.find(([address]) => address.test(location.pathname)) ?? NONE;
+  if (mine > 1) forgetEarly();
   leave();
   leave = () => {};
   main.replaceChildren(h("p", { class: "soft" }, t("loading")));
   document.body.className = "";
   links.forEach((a) => (a.pathname === location.pathname ? a.setAttribute("aria-current", "page") : a.removeAttribute("aria-current")));
-  const [page, { roles, lacks_second_factor: lacks }] = await Promise.all([load().catch(unloadable), account]);
+  const page = await load().catch(unloadable);
   if (mine !== turn || !page) return;
   main.replaceChildren();
   leave = page.mount(main, api, { id: location.pathname.match(pattern)[1], go, title, roles, lacks });
@@ -97,7 +101,7 @@ document.body.append(
   h(
     "header",
     { class: "top" },
-    h("a", { class: "brand", href: "/" }, h("img", { src: "/static/favicon.svg", alt: "" }), "Handscope"),
+    h("a", { class: "brand", href: "/" }, h("img", { src: FAVICON, alt: "" }), "Handscope"),
     h("nav", { "aria-label": t("nav.label") }, links),
     menu(logOut),
   ),
@@ -106,12 +110,10 @@ document.body.append(
   announcement,
 );
 /** What the account's roles do not allow is not offered; the server refuses it in any case. */
-async function offer() {
-  const { roles, lacks_second_factor: lacks } = await account;
+function offer() {
   document.documentElement.dataset.may = lacks ? "" : roles.join(" ");
-  if (lacks && location.pathname !== "/account") return go("/account", true);
-  if (roles.join() === "administrator" && location.pathname === "/") return go("/account", true);
-  return undefined;
+  const seesNoPatients = roles.join() === "administrator" && location.pathname === "/";
+  if ((lacks && location.pathname !== "/account") || seesNoPatients) history.replaceState(null, "", "/account");
 }
 
 document.addEventListener("click", followed);

@@ -4,6 +4,9 @@ const SCHEME = "(prefers-color-scheme: dark)";
 const HOLDS = { auto: SCHEME, light: "not all", dark: "all" };
 export const THEMES = Object.keys(HOLDS);
 const device = matchMedia(SCHEME);
+const rules = [...document.styleSheets].flatMap((sheet) => [...sheet.cssRules]);
+/** @type {any} */
+const dark = rules.find((rule) => rule instanceof CSSMediaRule && rule.conditionText === SCHEME);
 const watchers = new Set();
 
 /** What was chosen: "auto", "light" or "dark". */
@@ -30,11 +33,7 @@ export function watchTheme(changed) {
 
 function apply() {
   const chosen = theme();
-  for (const sheet of document.styleSheets) {
-    if (!sheet.href?.endsWith("/static/colors.css")) continue;
-    const dark = [...sheet.cssRules].find((rule) => rule instanceof CSSMediaRule);
-    dark.media.mediaText = HOLDS[chosen];
-  }
+  if (dark) dark.media.mediaText = HOLDS[chosen];
   document.documentElement.style.colorScheme = chosen === "auto" ? "" : chosen;
 }
 

@@ -3,12 +3,13 @@
 import asyncio
 import gzip
 import time
+from collections.abc import Callable
 
 from fastapi import APIRouter, Request, WebSocket
-from starlette.responses import FileResponse, Response
+from starlette.responses import Response
 
-from handscope.app.auth.roles import CLINICIAN, EVERY_ACCOUNT, SCIENTIST, requires_role
-from handscope.app.page_files.files import STATIC
+from handscope.app.auth.roles import CLINICIAN, EVERY_ACCOUNT, SCIENTIST, Requester, requires_role
+from handscope.app.page_files.document import document
 from handscope.app.scene.bridge import bridge
 from handscope.app.scene.viser_page import scene_page
 from handscope.app.state import StationDep, station_of
@@ -16,31 +17,37 @@ from handscope.estimators.errors import InputError
 
 router = APIRouter(include_in_schema=False, dependencies=[requires_role(*EVERY_ACCOUNT)])
 OPENING = 30.0  # s that a viewer waits for a scene whose process begins
-PAGES = (
-    "/",
-    "/patients/{id}",
-    "/patients/{id}/tables/{table}",
-    "/sessions/{id}",
-    "/stations/{id}",
-    "/protocols",
-    "/devices",
-    "/help",
-    "/account",
-    "/audit",
-)
+PAGES = {  # what static/app.js imports there
+    "/": "patients",
+    "/patients/{id}": "patient",
+    "/patients/{id}/tables/{table}": "table",
+    "/sessions/{id}": "session",
+    "/stations/{id}": "station",
+    "/protocols": "protocols",
+    "/devices": "devices",
+    "/help": "help",
+    "/account": "account",
+    "/audit": "audit",
+}
 
 
-def page(status: int = 200) -> FileResponse:
+def page(request: Request, name: str = "missing", status: int = 200) -> Response:
     """The document; at an address that is none of ours it says so itself."""
-    return FileResponse(STATIC / "index.html", status)
+    who: Requester = request.state.requester
+    account = {"roles": sorted(who.roles), "lacks_second_factor": who.lacks_second_factor}
+    modules = (f"/static/pages/{name}.js",)
+    return document("index.html", request.headers, modules, account, status)
 
 
-def _page() -> FileResponse:
-    return page()
+def _page_of(name: str) -> Callable[[Request], Response]:
+    def answer(request: Request) -> Response:
+        return page(request, name)
+
+    return answer
 
 
-for address in PAGES:
-    router.add_api_route(address, _page, methods=["GET"])
+for address, name in PAGES.items():
+    router.add_api_route(address, _page_of(name), methods=["GET"])
 
 
 @router.get("/scene/{name}/", dependencies=[requires_role(CLINICIAN, SCIENTIST)])

@@ -1,8 +1,9 @@
-"""Files of the pages as answers: text is packed, and a browser keeps what holds nothing of a patient and asks each time whether it is the newest."""
+"""Files of the pages as answers: text is packed, and a browser keeps what holds nothing of a patient."""
 
 import gzip
 import hashlib
 import os
+import re
 import stat
 from contextlib import suppress
 from functools import lru_cache
@@ -19,6 +20,7 @@ from handscope.app.auth.roles import EVERY_ACCOUNT, RoleRequirement
 STATIC = Path(static.__file__).parent
 TEXT = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 ASK = "no-cache"  # keep it, and ask whether it is the newest
+_STYLE = re.compile(rb'^@import "([\w./]+)";$', re.MULTILINE)
 
 
 class Files(StaticFiles):
@@ -42,10 +44,13 @@ class Files(StaticFiles):
         scope: Scope,
         status_code: int = 200,
     ) -> Response:
-        """As the framework answers with a file; text is packed."""
+        """As the framework answers with a file; text is packed, styles come with those that they import."""
         path, headers = Path(full_path), Headers(scope=scope)
         if path.suffix in TEXT and status_code == 200:
-            return text_answer(_text_of(path, stat_result.st_mtime_ns), path.suffix, headers)
+            text = _text_of(path, stat_result.st_mtime_ns)
+            if path.suffix == ".css":
+                text = _with_imported(path.parent, text)
+            return text_answer(text, path.suffix, headers)
         response = super().file_response(full_path, stat_result, scope, status_code)
         response.headers["Cache-Control"] = ASK
         return response
@@ -53,14 +58,31 @@ class Files(StaticFiles):
 
 def text_answer(text: bytes, suffix: str, request: Headers) -> Response:
     """A text that holds nothing of a patient, packed where the browser can unpack it; nothing where its copy is the newest."""
-    packed, tag = _compress(text)
+    tag = f'"{_digest(text)}"'
     headers = {"ETag": tag, "Cache-Control": ASK, "Vary": "Accept-Encoding"}
     if tag in request.get("if-none-match", ""):
         return NotModifiedResponse(Headers(headers))
+    return packed_answer(text, TEXT[suffix], request, headers)
+
+
+def packed_answer(
+    text: bytes, media_type: str, request: Headers, headers: dict[str, str], status: int = 200
+) -> Response:
+    """A text, packed where the browser can unpack it."""
+    headers = {**headers, "Vary": "Accept-Encoding"}
     if "gzip" not in request.get("accept-encoding", ""):
-        return Response(text, media_type=TEXT[suffix], headers=headers)
-    headers["Content-Encoding"] = "gzip"
-    return Response(packed, media_type=TEXT[suffix], headers=headers)
+        return Response(text, status, headers, media_type)
+    return Response(_compress(text), status, {**headers, "Content-Encoding": "gzip"}, media_type)
+
+
+def _with_imported(folder: Path, text: bytes) -> bytes:
+    """A sheet with the sheets that it imports in their places: one request in place of eight, each of which waits for a round trip."""
+
+    def imported(found: re.Match[bytes]) -> bytes:
+        path = folder / found[1].decode()
+        return _text_of(path, path.stat().st_mtime_ns)
+
+    return _STYLE.sub(imported, text)
 
 
 @lru_cache(maxsize=512)
@@ -69,6 +91,10 @@ def _text_of(path: Path, changed: int) -> bytes:
 
 
 @lru_cache(maxsize=512)
-def _compress(text: bytes) -> tuple[bytes, str]:
-    """The text packed, and its tag."""
-    return gzip.compress(text, 9, mtime=0), f'"{hashlib.sha256(text).hexdigest()[:32]}"'
+def _digest(text: bytes) -> str:
+    return hashlib.sha256(text).hexdigest()[:32]
+
+
+@lru_cache(maxsize=512)
+def _compress(text: bytes) -> bytes:
+    return gzip.compress(text, 9, mtime=0)

@@ -12,6 +12,8 @@ function make(tag, attributes = {}, ...children) {
   return element;
 }
 
+/** @type {HTMLLinkElement} */
+const { href: FAVICON } = document.querySelector("link[rel=icon]");
 const REFUSED = {
   refused: "login.single_refused",
   late: "login.single_late",
@@ -76,7 +78,7 @@ export function mount(root) {
   );
   const steps = make("div", {}, make("h2", {}, t("login.title")), passwords, code);
   root.append(
-    make("div", { class: "brand" }, make("img", { src: "/static/favicon.svg", alt: "" }), make("h1", {}, "Handscope")),
+    make("div", { class: "brand" }, make("img", { src: FAVICON, alt: "" }), make("h1", {}, "Handscope")),
     make(
       "div",
       { class: "card" },

@@ -1,7 +1,7 @@
 /** Words of the pages: `t` gives a text of the language in use, with {names} filled in; what a language lacks comes in English. */
 import { language } from "./languages.js";
 
-const words = (await import(`/languages/${language}.js`)).default;
+const words = (await import(`../../languages/${language}.js`)).default;
 
 export function t(key, values = {}) {
   const text = words[key];

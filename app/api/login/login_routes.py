@@ -6,14 +6,14 @@ from fastapi import APIRouter, Query, Request, Response
 from pydantic import Field
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
-from starlette.responses import FileResponse, JSONResponse, RedirectResponse
+from starlette.responses import JSONResponse, RedirectResponse
 
 from handscope.app.auth import passkeys
 from handscope.app.auth.gate import cookie_name, cookie_of
 from handscope.app.auth.incoming_text import Incoming
 from handscope.app.auth.roles import ANYBODY, EVERY_ACCOUNT, address_of, requires_role
 from handscope.app.auth.security_headers import is_over_tls
-from handscope.app.page_files.files import STATIC
+from handscope.app.page_files.document import document
 from handscope.app.state import Db, PartsDep
 from handscope.app.version import software_version
 from handscope.estimators.errors import InputError
@@ -58,7 +58,7 @@ def login_page(
     """Log in with a valid token; otherwise the page that asks for one."""
     account = logins.log_in_by_code(db, parts.store, token, address_of(request)) if token else None
     if account is None:
-        return FileResponse(STATIC / "login" / "index.html", status_code=401 if token else 200)
+        return document("login/index.html", request.headers, status=401 if token else 200)
     if second_factors.needs_one(db, account):
         ticket = parts.pending_logins.add(account.id)
         return RedirectResponse(f"/login#second={ticket}", 303)  # what follows # is in no log

@@ -13,7 +13,6 @@ import orjson
 from anyio import to_thread
 from fastapi import APIRouter, Request, Response, WebSocket
 from pydantic import Field
-from starlette.responses import FileResponse
 from starlette.websockets import WebSocketDisconnect
 
 from handscope.app import language as languages
@@ -34,7 +33,7 @@ from handscope.app.auth.security_headers import is_over_tls
 from handscope.app.live.patient_view.invitations import SCREEN_LIFE, Screen
 from handscope.app.live.patient_view.screen_state import screen_state
 from handscope.app.live.station import Station
-from handscope.app.page_files.files import STATIC
+from handscope.app.page_files.document import document
 from handscope.app.scene import bridge
 from handscope.app.state import Parts, PartsDep, parts
 from handscope.estimators.errors import InputError
@@ -56,9 +55,9 @@ class ScreenCode(Incoming):
 
 
 @router.get("/patient-view", include_in_schema=False)
-def page() -> FileResponse:
+def page(request: Request) -> Response:
     """The page of the screen; it asks for the code where the address has none after the #."""
-    return FileResponse(STATIC / "patient_view" / "index.html")
+    return document("patient_view/index.html", request.headers)
 
 
 @router.post("/api/patient-view", responses={200: {"description": "the screen's language"}})

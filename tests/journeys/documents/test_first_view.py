@@ -1,0 +1,64 @@
+"""The first view asks for each thing once and early, later views for no file again."""
+
+from collections import Counter
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import Page, Route, expect
+
+from tests.journeys.house import new_patient, shown
+
+pytestmark = pytest.mark.browser
+LIST = "/api/patients?search=&archived=false&offset=0&limit=50"
+SENT = """() => performance.getEntriesByType("resource")
+  .filter((one) => one.transferSize > 0).map((one) => new URL(one.name).pathname)"""
+
+
+def asked_by(page: Page, base: str) -> list[str]:
+    """What a page asks for from now on."""
+    found: list[str] = []
+    page.on("request", lambda request: found.append(request.url.removeprefix(base)))
+    return found
+
+
+@pytest.mark.parametrize("place", ["list", "patient"])
+def test_the_first_view_asks_for_each_thing_once(
+    another_page: Callable[..., Page], place: str
+) -> None:
+    page = another_page(at=None)
+    number = new_patient(page)
+    base = page.request.get("/").url.removesuffix("/")
+    asked = asked_by(page, base)
+    page.goto("/" if place == "list" else f"/patients/{number}", wait_until="networkidle")
+    data = [address for address in asked if address.startswith("/api/")]
+    wanted = {LIST, "/api/sessions/unfinished"} if place == "list" else {f"/api/patients/{number}"}
+    assert wanted <= set(data)
+    assert [address for address, times in Counter(asked).items() if times > 1] == []
+    written = [asked.index(address) for address in wanted]
+    drawn = [k for k, address in enumerate(asked) if address.endswith("/lucide/menu.svg")]
+    assert max(written) < min(drawn), "before the page is drawn"
+
+
+def test_a_later_view_asks_for_no_file(page: Page) -> None:
+    page.wait_for_load_state("networkidle")
+    page.goto("/help", wait_until="networkidle")
+    page.goto("/", wait_until="networkidle")
+    shown(page.get_by_role("link", name="DEMO"))
+    files = [path for path in page.evaluate(SENT) if not path.startswith("/api/")]
+    assert files == []
+
+
+def test_an_early_answer_that_nobody_took_is_not_shown_later(
+    another_page: Callable[..., Page],
+) -> None:
+    page = another_page(at=None)
+    held: list[Route] = []
+    page.route("**/static/pages/patients.js", lambda route: held.append(route))
+    with page.expect_response(lambda answer: answer.url.endswith(LIST)):
+        page.goto("/", wait_until="commit")
+    page.get_by_role("link", name="Help").click()
+    expect(page.get_by_role("heading", level=1)).to_be_visible()
+    held[0].continue_()
+    with page.expect_response(lambda answer: answer.url.endswith(LIST)):
+        page.get_by_role("link", name="Patients").click()
+    shown(page.get_by_role("link", name="DEMO"))
