@@ -8,6 +8,7 @@ Limits  an error that pulls a parameter in the same way in every half second can
 """
 
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from handscope.estimators.self_calibration.whole_hand.normal_equations import Ha
 from handscope.estimators.self_calibration.whole_hand.problem import HandPlace, HandProblem
 
 TOGETHER = 0.5  # s of a group: such errors last for about 0.2 s, as long as a finger bends in one direction
-GROUPS = 16  # whose pulls are in memory at once
+GROUPS = 16  # whose residuals are in memory at once
 # residuals, rows of a sample's unknowns, columns of the parameters that they depend on
 Placed = tuple[Terms, Indices, Indices]
 
@@ -60,16 +61,16 @@ def worst_joint(chain: Chain, squares: Array) -> tuple[int, float]:
 
 def limb_pulls(problem: Problem, at: Unknowns, factor: Factor) -> Array:
     """Gradients (m, P) of half the sum of squares by the parameters, of each group of samples, with the movement eliminated."""
-    n, e, P = factor.Y.shape
-    each = round(TOGETHER / problem.dt)
-    own = np.zeros((-(-n // each), P))
-    of_samples = np.zeros((2, n, e))  # of every other group: those beside each other overlap
-    for first in range(0, n, GROUPS * each):
+    rows = np.arange(factor.Y.shape[1])
+
+    def terms(first: int, last: int) -> Iterator[Placed]:
         for kind in residuals.EVERY_SAMPLE:
-            one = kind(problem, at, first, min(first + GROUPS * each, n))
-            begins = np.maximum(one.first + np.arange(len(one.r)), first)
-            _add_gradients(own, of_samples, one, np.arange(e), one.cols, begins // each)
-    return own - normal_equations.project_groups(factor, of_samples, each)
+            own = kind(problem, at, first, last)
+            yield own, rows, own.cols
+
+    return _group_pulls(
+        factor.Y.shape, problem.dt, terms, partial(normal_equations.project_groups, factor)
+    )
 
 
 def hand_pulls(
@@ -93,12 +94,11 @@ def hand_pulls(
         )
         yield error, np.arange(where.each)[where.error], none
 
-    shape = len(problem), where.each, where.count
     return _group_pulls(
-        shape,
+        (len(problem), where.each, where.count),
         problem.limbs[0].dt,
         terms,
-        lambda v: hand_equations.project_on_parameters(normal, factor, v),
+        partial(hand_equations.project_groups, normal, factor),
     )
 
 
@@ -106,31 +106,22 @@ def _group_pulls(
     shape: tuple[int, int, int],
     dt: float,
     terms: Callable[[int, int], Iterable[Placed]],
-    eliminate: Callable[[Array], Array],
+    project: Callable[[Array, int], Array],
 ) -> Array:
-    """Pulls (m, P); `shape` is samples, unknowns of a sample, parameters; `eliminate` gives B' A^-1 v (m, P) of v (m, n, unknowns)."""
-    (n, e, P), each, pulls = shape, round(TOGETHER / dt), []
+    """Pulls (m, P); `shape` is samples, unknowns of a sample, parameters; `project` gives B' A^-1 v (m, P) of the v of all groups, every other one in (2, n, unknowns)."""
+    (n, e, P), each = shape, round(TOGETHER / dt)
+    own, of_samples = np.zeros((-(-n // each), P)), np.zeros((2, n, e))
     for first in range(0, n, GROUPS * each):
-        last = min(first + GROUPS * each, n)
-        count = -(-(last - first) // each)
-        own, of_samples = np.zeros((count, P)), np.zeros((count, n, e))
-        for one, rows, cols in terms(first, last):
-            _add_gradients(
-                own,
-                of_samples,
-                one,
-                rows,
-                cols,
-                (np.maximum(one.first + np.arange(len(one.r)), first) - first) // each,
-            )
-        pulls.append(own - eliminate(of_samples))
-    return np.concatenate(pulls)
+        for one, rows, cols in terms(first, min(first + GROUPS * each, n)):
+            begins = np.maximum(one.first + np.arange(len(one.r)), first)
+            _add_gradients(own, of_samples, one, rows, cols, begins // each)
+    return own - project(of_samples, each)
 
 
 def _add_gradients(
     own: Array, of_samples: Array, terms: Terms, rows: Indices, cols: Indices, group: Indices
 ) -> None:
-    """Gradients of residuals by parameters and by samples' unknowns, to those of their groups (T,), in place; `of_samples` in turn where it has fewer places than there are groups."""
+    """Gradients of residuals by parameters and by samples' unknowns, to those of their groups (T,), in place; `of_samples` (2, n, unknowns) in turn: groups beside each other overlap."""
     T = len(terms.r)
     if not T:
         return

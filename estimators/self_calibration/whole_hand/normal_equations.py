@@ -309,7 +309,7 @@ def factorise(normal: HandNormal, damping: float = 0.0) -> HandFactor:
     P, K = where.count, -(-len(normal.error) // PAIR)
     L, below = np.zeros((K, E, E)), np.zeros((K, E, E))
     known, last = np.zeros((P, P)), np.zeros((E, P))
-    first, second = halves = slice(0, P // 2), slice(P // 2, P)
+    first, second = halves = _halves(P)
     products = [((first, first), (second, second)), ((first, second),)]
     with parallel.threads() as each:
         for k in range(0, K, TOGETHER):
@@ -378,25 +378,25 @@ def _fill_half(normal: HandNormal, k: int, D: Array, B: Array, under: Array, hal
     first, stop = PAIR * k + half, min(PAIR * (k + m), n)
     t, pairs = np.arange(first, stop, PAIR), np.arange(len(range(first, stop, PAIR)))
     error = np.arange(e)[where.error]
-    for limb, rows, cols in zip(normal.limbs, where.sample, where.parameters):
-        _scatter((limb.A, limb.B), rows, cols, first, stop, (D, B, under))
+    for limb, rows in zip(normal.limbs, where.sample):
+        _scatter(limb.A, rows, first, stop, D, under)
+    _fill_border_half(normal, k, B, half)
     D[:, half, :, half][pairs[:, None], error, error] += 1 / normal.error_sd[t, None] ** 2
     D[len(t) :, half, np.arange(e), half, np.arange(e)] = (
         1.0  # no sample: the last pair of an odd number
     )
 
 
+def _fill_border_half(normal: HandNormal, k: int, border: Array, half: int) -> None:
+    """Columns of the border (m, PAIR, each, P) of the first or the second samples of the pairs from k on, in place."""
+    first, stop = PAIR * k + half, min(PAIR * (k + len(border)), len(normal.error))
+    for limb, rows, cols in zip(normal.limbs, normal.layout.sample, normal.layout.parameters):
+        _scatter_border(limb.B, rows, cols, first, stop, border)
+
+
 @looped
-def _scatter(
-    limb: tuple[Array, Array],
-    rows: Indices,
-    cols: Indices,
-    first: int,
-    stop: int,
-    whole: tuple[Array, Array, Array],
-) -> None:
+def _scatter(A: Array, rows: Indices, first: int, stop: int, D: Array, under: Array) -> None:
     """Blocks of a limb's every second sample to those of the whole, in place."""
-    (A, B), (D, border, under) = limb, whole
     for k in range((stop - first + 1) // 2):
         t = first + 2 * k
         half = t % 2
@@ -408,8 +408,18 @@ def _scatter(
                 else:
                     under[k, 0, rows[i], 1, rows[j]] += A[t, 1, i, j]
                 under[k, half, rows[i], half, rows[j]] += A[t, 2, i, j]
+
+
+@looped
+def _scatter_border(
+    B: Array, rows: Indices, cols: Indices, first: int, stop: int, border: Array
+) -> None:
+    """The same of the columns of the parameters."""
+    for k in range((stop - first + 1) // 2):
+        t = first + 2 * k
+        for i in range(rows.shape[0]):
             for j in range(cols.shape[0]):
-                border[k, half, rows[i], cols[j]] += B[t, i, j]
+                border[k, t % 2, rows[i], cols[j]] += B[t, i, j]
 
 
 def solve_step(normal: HandNormal, factor: HandFactor) -> Step:
@@ -444,6 +454,70 @@ def project_on_parameters(normal: HandNormal, factor: HandFactor, of_samples: Ar
     for limb, rows, cols in zip(normal.limbs, normal.layout.sample, normal.layout.parameters):
         projected[:, cols] += np.tensordot(x[:, :, rows], limb.B, axes=((1, 2), (0, 1)))
     return projected
+
+
+def project_groups(
+    normal: HandNormal, factor: HandFactor, of_samples: Array, group_size: int
+) -> Array:
+    """The same (groups, P) of groups of samples, whose v stand in `of_samples` (2, n, each) as in `normal_equations.project_groups`.
+
+    A^-1 B is made from the end to the beginning, of L^-1 B of a few pairs at a time: of a first pass one row before each of these is kept. Time grows linearly with the recording.
+    """
+    n, P, pairs = len(normal.error), normal.layout.count, len(factor.L)
+    pulls, ahead = np.zeros((-(-n // group_size), P)), np.zeros((factor.L.shape[1], P))
+    starts, before = range(0, pairs, TOGETHER), [np.zeros_like(ahead)]
+    with parallel.threads() as each:
+        for k in starts[:-1]:
+            before.append(_whitened_border(normal, factor, k, before[-1], each)[-1].copy())
+        for k in reversed(starts):
+            border = _whitened_border(normal, factor, k, before.pop(), each)
+            stop = k + len(border)
+            each(
+                partial(_solve_transposed, border, ahead, factor.below[k:stop], factor.L[k:stop]),
+                _halves(P),
+            )
+            samples = np.arange(PAIR * k, min(PAIR * stop, n))
+            solved = border.reshape(-1, normal.layout.each, P)[: len(samples)]
+            share = np.matmul(of_samples[:, samples].transpose(1, 0, 2), solved)
+            for parity, group in enumerate(_groups_of(samples, group_size)):
+                np.add.at(pulls, np.clip(group, 0, len(pulls) - 1), share[:, parity])
+            ahead = border[0].copy()
+    return pulls
+
+
+def _whitened_border(
+    normal: HandNormal, factor: HandFactor, k: int, last: Array, each: Each
+) -> Array:
+    """Rows of L^-1 B (m, 2 each, P) of the pairs from k on; `last` (2 each, P) are those of the pair before them."""
+    L, P = factor.L[k : k + TOGETHER], normal.layout.count
+    border = np.zeros((len(L), PAIR * normal.layout.each, P))
+    of_samples = border.reshape(len(L), PAIR, -1, P)
+    each(partial(_fill_border_half, normal, k, of_samples), range(PAIR))
+    before = factor.below[np.arange(k, k + len(L)) - 1]
+    each(partial(_whiten, border, last, before, L), _halves(P))
+    return border
+
+
+def _solve_transposed(border: Array, ahead: Array, below: Array, L: Array, cols: slice) -> None:
+    """Columns of Y (m, E, P) become those of L'^-1 Y, in place; `ahead` (E, P) are those of the pair behind them."""
+    known, half = np.ascontiguousarray(ahead[:, cols]), border.shape[1] // PAIR
+    for own, under, root in zip(border[::-1, :, cols], below[::-1], L[::-1]):
+        rest = own.copy()
+        rest[:half] -= under[:half, :half].T @ known[:half]
+        rest[half:] -= under[:, half:].T @ known
+        known = blas.dtrsm(1.0, root.T, rest.T, side=1, lower=0, trans_a=1, overwrite_b=1).T
+        own[...] = known
+
+
+def _groups_of(samples: Indices, size: int) -> tuple[Indices, Indices]:
+    """The even and the odd group that each sample may belong to: its own, and the nearest one beside that."""
+    own = samples // size
+    beside = np.where(2 * (samples - own * size) < size, own - 1, own + 1)
+    return np.where(own % 2 == 0, own, beside), np.where(own % 2 == 1, own, beside)
+
+
+def _halves(count: int) -> tuple[slice, slice]:
+    return slice(0, count // 2), slice(count // 2, count)
 
 
 def _border_product(normal: HandNormal, parameters: Array) -> Array:

@@ -164,6 +164,26 @@ def test_draws_have_the_equations_covariance(
     )
 
 
+@pytest.mark.parametrize("together", [1, 2, normal_equations.TOGETHER])
+def test_groups_of_samples_pull_the_parameters_as_each_does_alone(
+    somewhere: tuple[HandProblem, HandPlace], together: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Groups of two samples, of which each touches the sample before it and the one behind it."""
+    monkeypatch.setattr(normal_equations, "TOGETHER", together)
+    normal = normal_equations.build_normal_equations(*somewhere)
+    factor = normal_equations.factorise(normal)
+    apart = np.zeros((3, SAMPLES, normal.layout.each))
+    for group, v in enumerate(apart):
+        near = slice(max(2 * group - 1, 0), 2 * group + 3)
+        v[near] = np.random.default_rng(group).normal(size=v[near].shape)
+    both = np.stack([apart[0] + apart[2], apart[1]])
+    np.testing.assert_allclose(
+        normal_equations.project_groups(normal, factor, both, 2),
+        normal_equations.project_on_parameters(normal, factor, apart),
+        rtol=1e-6,
+    )
+
+
 def test_derivatives_of_what_is_seen_on_the_hand(
     somewhere: tuple[HandProblem, HandPlace], dense: tuple[Array, Array]
 ) -> None:
