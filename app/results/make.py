@@ -238,7 +238,7 @@ def _found_calibration(processed: Processed, recording: LoadedRecording) -> dict
 def _fingers_to_gain(processed: Processed, recording: LoadedRecording) -> list[str]:
     """Fingers whose lengths and mountings could be estimated from this movement; none where they were already."""
     calibration = processed.calibrations[0]
-    if calibration.lengths_sd or calibration.p_BS_sd:
+    if calibration.stretch is not None or calibration.from_prior == "seats and lengths":
         return []
     return list(gaining_fingers(recording, calibration, processed.trajectory))
 

@@ -68,10 +68,12 @@ class PriorCalibration:
     q_BS: Mapping[str, Array]  # (4,) sensor-to-segment rotations found from movement
     gyr_bias: Mapping[str, Array]  # (3,) rad/s
     lengths: Mapping[str, float]  # m, segment lengths found from movement
+    q_BS_sd: Mapping[str, Array]  # (3,) rad about the segment's x, y, z, of q_BS
+    lengths_sd: Mapping[str, float]  # m, of lengths
 
     def of_hand(self) -> "PriorCalibration":
         """What is the hand's alone, and holds whatever glove is worn: its lengths."""
-        return replace(self, q_BS={}, gyr_bias={})
+        return replace(self, q_BS={}, q_BS_sd={}, gyr_bias={})
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,7 @@ class _Seen:
 
 def can_infer(calibration: Calibration) -> bool:
     """Whether the pose alone tells how the sensors sit, and the nominal mounting is known."""
-    found_otherwise = calibration.q_BS_sd or calibration.is_functional or calibration.from_prior
+    found_otherwise = calibration.q_BS_sd or calibration.is_functional
     return bool(calibration.nominal) and not found_otherwise
 
 

@@ -17,12 +17,16 @@ Limits  bones measured one by one err each for itself, by `length_sd`, and so do
         the average one (by 6 %) shifts all tips equally and is not counted
 """
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 import numpy as np
 
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS
 from handscope.estimators.hand.geometry import RATIOS, TIP_TISSUE_SD, HandGeometry, root_joint
 from handscope.estimators.numerics.typing import Array
 
+NONE_FOUND: Mapping[str, float] = MappingProxyType({})
 MEASURED_SD = 1e-3  # m, of a length taken by calipers
 BREADTH_SD = 0.045  # of itself, where it was not measured
 # of itself, a finger's total that is derived from the palm alone, or from nothing: as fingers scatter
@@ -31,10 +35,19 @@ FROM_PALM_SD = 0.06
 THUMB_ANGLE_SD = np.radians(3.0)  # of the angle between wrist-MCP 3 and wrist-CMC; size ours
 
 
-def covariance(geometry: HandGeometry, length_sd: float) -> Array:
+def covariance(
+    geometry: HandGeometry, length_sd: float, found_sd: Mapping[str, float] = NONE_FOUND
+) -> Array:
     """(5 fingers, 6, 6): the root's place in the hand's frame, m, then the shares of themselves by
-    which the three bones from the root to the tip err."""
-    return np.array([_of_finger(geometry, finger, length_sd) for finger in FINGERS])
+    which the three bones from the root to the tip err; `found_sd` m, of segments whose length was
+    found from movement, each for itself."""
+    whole = np.array([_of_finger(geometry, finger, length_sd) for finger in FINGERS])
+    for own, finger in zip(whole, FINGERS):
+        for k, segment in enumerate(CHAINS[finger], start=3):
+            if segment in found_sd:
+                own[k, :] = own[:, k] = 0.0
+                own[k, k] = (found_sd[segment] / geometry.lengths[segment]) ** 2
+    return whole
 
 
 def _of_finger(geometry: HandGeometry, finger: str, length_sd: float) -> Array:

@@ -32,7 +32,6 @@ from handscope.estimators.hand.anatomy import (
     SEGMENTS,
 )
 from handscope.estimators.hand.forward_kinematics import CHAIN_JOINTS
-from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array, Indices
@@ -124,7 +123,7 @@ def _of_rows(
     for J, side in ((by_child, CHILDREN), (by_parent, PARENTS)):
         variance += ((J @ own[:, side]) * J).sum(axis=-1)
     return np.sqrt(variance), np.sqrt(
-        _tip_variance(calibration.geometry, angles, q_pc, (by_child, by_parent), of_angles, own)
+        _tip_variance(calibration, angles, q_pc, (by_child, by_parent), of_angles, own)
     )
 
 
@@ -175,7 +174,7 @@ def _heading_variance(t: Array, calibration: Calibration) -> Array:
 
 
 def _tip_variance(
-    geometry: HandGeometry,
+    calibration: Calibration,
     angles: Array,
     q_pc: Array,
     jacobians: tuple[Array, Array],
@@ -185,11 +184,11 @@ def _tip_variance(
     """Of the tips (n, 5, 3) m^2: errors of a chain's joints together, as neighbours share a sensor, and of its lengths."""
     known = np.isfinite(q_pc[:, JOINT["wrist"], 0])[:, None]  # an unknown wrist counts as neutral
     R = quat.matrix(np.where(known, q_pc[:, JOINT["wrist"]], quat.IDENTITY))[:, None]
-    roots = np.einsum("nab,fb->nfa", R[:, 0], geometry.roots())
-    ends = forward_kinematics.joint_places(q_pc, geometry)
+    roots = np.einsum("nab,fb->nfa", R[:, 0], calibration.geometry.roots())
+    ends = forward_kinematics.joint_places(q_pc, calibration.geometry)
     centres = np.concatenate([np.zeros_like(roots)[:, :, None], roots[:, :, None], ends], axis=2)
     tip = ends[:, :, 2]
-    variance = _by_lengths(geometry, R[:, 0], ends, roots)
+    variance = _by_lengths(calibration, R[:, 0], ends, roots)
     by_sensor = np.zeros((5, *roots.shape, 3))  # derivative by forearm, hand and three segments
     common = np.zeros((*roots.shape, of_angles.shape[-1]))
     for k, joints in enumerate(_CHAINS.T):
@@ -208,9 +207,9 @@ def _tip_variance(
     return np.asarray(variance + (common**2).sum(axis=-1))
 
 
-def _by_lengths(geometry: HandGeometry, R_wrist: Array, ends: Array, roots: Array) -> Array:
+def _by_lengths(calibration: Calibration, R_wrist: Array, ends: Array, roots: Array) -> Array:
     bones = np.diff(np.concatenate([roots[:, :, None], ends], axis=2), axis=2)  # (n, 5, 3, 3)
     turned = np.broadcast_to(R_wrist[:, None], (*roots.shape[:2], 3, 3))
     J = np.concatenate([turned, bones.transpose(0, 1, 3, 2)], axis=3)
-    C = length_covariance.covariance(geometry, LENGTH_SD)
+    C = length_covariance.covariance(calibration.geometry, LENGTH_SD, calibration.lengths_sd)
     return np.asarray(((J @ C) * J).sum(axis=-1))

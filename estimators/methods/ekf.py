@@ -148,7 +148,9 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
         sample_alignment.start(calibration, math.radians(params.gyr_noise)),
         chains,
         uncertainty,
-        length_covariance.covariance(calibration.geometry, params.length_sd),
+        length_covariance.covariance(
+            calibration.geometry, params.length_sd, calibration.lengths_sd
+        ),
         magnetic,
         ekf_contacts.pending_contacts(params, calibration.contacts),
     )

@@ -40,18 +40,15 @@ def covariance(params: Params, calibration: Calibration, fingers: Sequence[Finge
     variance = np.zeros((COUNT, COUNT))
     for whole in (slice(3), columns_of("forearm")):
         variance[whole, whole] = np.radians(params.mounting) ** 2 * np.eye(3)
-    of_lengths = length_covariance.covariance(calibration.geometry, params.length_guess)
+    of_lengths = length_covariance.covariance(
+        calibration.geometry, params.length_guess, calibration.lengths_sd
+    )
     for finger in fingers:
         if finger.name not in CHAINS:
             continue
-        own, chain = variance[columns_of(finger.name), columns_of(finger.name)], CHAINS[finger.name]
+        own = variance[columns_of(finger.name), columns_of(finger.name)]
         own[0, 0] = np.radians(params.mounting) ** 2
         own[1:7, 1:7] = of_lengths[FINGERS.index(finger.name)]
-        for k, segment in enumerate(chain):
-            if segment in calibration.lengths_sd:
-                share = calibration.lengths_sd[segment] / calibration.geometry.lengths[segment]
-                own[4 + k, 1:7] = own[1:7, 4 + k] = 0.0
-                own[4 + k, 4 + k] = share**2
     return variance
 
 

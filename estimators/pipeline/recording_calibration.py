@@ -49,6 +49,9 @@ def with_known(pose: Calibration, known: PriorCalibration) -> Calibration:
         mounted,
         geometry=geometry,
         gyr_bias={**known.gyr_bias, **pose.gyr_bias},
+        q_BS_sd={**pose.q_BS_sd, **{s: known.q_BS_sd[s] for s in mounting}},
+        q_BS_covariance=None if mounting else pose.q_BS_covariance,
+        lengths_sd={**pose.lengths_sd, **known.lengths_sd},
         from_prior="seats and lengths" if mounting else "lengths",
     )
 

@@ -35,18 +35,19 @@ def parse(table: dict[str, Any]) -> PriorCalibration:
     """The estimated part of the table that `derivative.calibration_table` makes; KeyError, TypeError or ValueError where it is none."""
     if table["MeasuredHand"] not in HANDS:
         raise ValueError(table["MeasuredHand"])
-    lengths = {
-        s: float(entry["value"]) for s, entry in table["segment_lengths"].items() if "sd" in entry
-    }
-    mountings = {
-        s: quat.normalize(_numbers(mounting["q_BS"], 4))
-        for s, mounting in table["sensor_to_segment"].items()
-        if _is_observed(mounting)
-    }
+    lengths = {s: entry for s, entry in table["segment_lengths"].items() if "sd" in entry}
+    mountings = {s: m for s, m in table["sensor_to_segment"].items() if _is_observed(m)}
     biases = {s: _numbers(b, 3) for s, b in table["gyr_bias"].items()}
     if unknown := (set(lengths) | set(mountings) | set(biases)) - set(SEGMENTS):
         raise ValueError(unknown)
-    return PriorCalibration(table["MeasuredHand"], mountings, biases, lengths)
+    return PriorCalibration(
+        table["MeasuredHand"],
+        {s: quat.normalize(_numbers(m["q_BS"], 4)) for s, m in mountings.items()},
+        biases,
+        {s: float(entry["value"]) for s, entry in lengths.items()},
+        q_BS_sd={s: _numbers(m["sd"], 3) for s, m in mountings.items()},
+        lengths_sd={s: float(entry["sd"]) for s, entry in lengths.items()},
+    )
 
 
 def _is_observed(mounting: dict[str, Any]) -> bool:

@@ -57,9 +57,7 @@ def reused_form(c: SelfCalibration, parts: str) -> dict[str, Any]:
 def found_calibration(c: Calibration, messages: tuple[str, ...]) -> FoundCalibration | None:
     """A self-calibration in its stored form; None for a calibration by a pose alone."""
     return (
-        FoundCalibration(calibration_table(c), messages, *c.span)
-        if c.lengths_sd or c.p_BS_sd
-        else None
+        FoundCalibration(calibration_table(c), messages, *c.span) if c.stretch is not None else None
     )
 
 

@@ -125,14 +125,19 @@ def test_the_ghost_shows_what_to_do_until_it_is_done() -> None:
 
 def test_only_lengths_of_another_glove_are_taken_over() -> None:
     known = PriorCalibration(
-        "left", {"hand": np.array([1.0, 0, 0, 0])}, {"hand": np.zeros(3)}, {"index_proximal": 0.04}
+        "left",
+        {"hand": np.array([1.0, 0, 0, 0])},
+        {"hand": np.zeros(3)},
+        {"index_proximal": 0.04},
+        {"hand": np.full(3, 0.02)},
+        {"index_proximal": 2e-4},
     )
     assert free_movement.prior_for_glove(known, "g1", "g1") is known
     assert (
         free_movement.prior_for_glove(known, "g1", "") is known
     )  # a glove that does not say its number
     assert free_movement.prior_for_glove(known, "g1", "g2") == PriorCalibration(
-        "left", {}, {}, {"index_proximal": 0.04}
+        "left", {}, {}, {"index_proximal": 0.04}, {}, {"index_proximal": 2e-4}
     )
 
 

@@ -138,7 +138,7 @@ def test_sensors_still_see_gravity_and_sit_closer_to_how_they_do(rng: np.random.
 
 @pytest.mark.parametrize(
     "change",
-    [{"nominal": {}}, {"is_functional": True}, {"from_prior": "seats and lengths"}],
+    [{"nominal": {}}, {"is_functional": True}, {"q_BS_sd": {"hand": np.ones(3)}}],
     ids=["no nominal mounting", "movements told it", "known from before"],
 )
 def test_a_mounting_that_was_found_otherwise_is_left_alone(

@@ -107,6 +107,17 @@ def test_bones_measured_one_by_one_err_each_for_itself() -> None:
     )
 
 
+def test_a_bone_that_was_found_from_movement_errs_as_it_was_found() -> None:
+    """Whatever was measured of its finger; the others err as before."""
+    geometry = sized("left", MEASURED)
+    bone, before = CHAINS["ring"][1], length_covariance.covariance(geometry, FEW_PERCENTS)
+    found = length_covariance.covariance(geometry, FEW_PERCENTS, {bone: 2e-4})
+    assert np.sqrt(found[3, 4, 4]) * geometry.lengths[bone] == pytest.approx(2e-4)
+    assert not found[3, 4, [0, 1, 2, 3, 5]].any() and not found[3, [0, 1, 2, 3, 5], 4].any()
+    found[3, 4], found[3, :, 4] = before[3, 4], before[3, :, 4]
+    np.testing.assert_array_equal(found, before)
+
+
 def test_people_err_as_told(rng: np.random.Generator) -> None:
     """Palm and fingers measured without error, ratios and knuckles of their own within two standard
     deviations of the mean hand."""

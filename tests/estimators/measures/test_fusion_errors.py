@@ -61,7 +61,9 @@ def test_angles_and_tips_err_as_pose_and_mounting_make_them(
 ) -> None:
     """Forty people in thirty postures each, every heading with an error of its own."""
     monkeypatch.setattr(fusion_errors, "PARAMS", NOTHING_ELSE)
-    monkeypatch.setattr(length_covariance, "covariance", lambda geometry, sd: np.zeros((5, 6, 6)))
+    monkeypatch.setattr(
+        length_covariance, "covariance", lambda geometry, sd, found: np.zeros((5, 6, 6))
+    )
     angles, tips = [], []
     low, high = 0.4 * LIMITS[..., 0], 0.4 * LIMITS[..., 1]
     for _ in range(40):

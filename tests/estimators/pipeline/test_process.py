@@ -113,16 +113,19 @@ def test_seats_and_lengths_found_before_serve_a_pose() -> None:
     told = ("index_proximal", "index_middle")
     mounting = {s: worn.sensors.q_BS[worn.sensors.segments.index(s)] for s in told}
     longer = {s: 1.1 * worn.geometry.lengths[s] for s in told}
-    done = process(
-        m2, PARAMS, worn, known=PriorCalibration("left", mounting, {}, longer)
-    ).calibrations[0]
+    seats_sd, lengths_sd = dict.fromkeys(told, np.full(3, 0.01)), dict.fromkeys(told, 2e-4)
+    known = PriorCalibration("left", mounting, {}, longer, seats_sd, lengths_sd)
+    done = process(m2, PARAMS, worn, known=known).calibrations[0]
     for s in told:
         assert quat.angle(quat.relative(done.q_BS[s], mounting[s])) < 1e-9
         assert done.geometry.lengths[s] == longer[s]
     assert done.geometry.lengths["ring_middle"] == worn.geometry.lengths["ring_middle"]
+    assert done.q_BS_sd == seats_sd and done.lengths_sd == lengths_sd
     assert "self-calibration" in done.description
 
 
 def test_what_was_found_of_the_other_hand_is_refused() -> None:
     with pytest.raises(InputError, match="of the right hand, the recording of the left"):
-        process(m2, PARAMS, pose_and_wiggle("left"), known=PriorCalibration("right", {}, {}, {}))
+        process(
+            m2, PARAMS, pose_and_wiggle("left"), known=PriorCalibration("right", {}, {}, {}, {}, {})
+        )

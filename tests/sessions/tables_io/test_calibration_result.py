@@ -31,6 +31,8 @@ def test_what_movement_told_comes_back_and_what_a_nominal_mounting_told_does_not
         quat.angle(quat.relative(known.q_BS["index_proximal"], found.q_BS["index_proximal"])) < 1e-9
     )
     assert known.lengths == {"index_proximal": found.geometry.lengths["index_proximal"]}
+    np.testing.assert_array_equal(known.q_BS_sd["index_proximal"], TOLD)
+    assert known.lengths_sd == {"index_proximal": 2e-4}
     np.testing.assert_array_equal(known.gyr_bias["hand"], found.gyr_bias["hand"])
 
 
