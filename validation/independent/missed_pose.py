@@ -10,8 +10,11 @@ import numpy as np
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import FINGERS, IS_DOF, JOINT
 from handscope.estimators.methods import METHODS, ekf
+from handscope.estimators.methods import map as self_calibration
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
+from handscope.sessions.clinic import self_calibrations
+from handscope.sessions.formats.derivative import calibration_table
 from handscope.validation.independent.recordings import write_and_load
 from handscope.validation.independent.simulator import contacts, daily_movements
 from handscope.validation.independent.simulator.free_movement import (
@@ -37,6 +40,11 @@ CONTACTS: Mapping[str, tuple[Sequence[str], float]] = {
     "ekf, all contacts missed": (ALL, AWAY),
 }
 DAILY = "ekf, daily movements"
+KNOWN: Mapping[str, str] = {  # what of a self-calibration in the slow movement is taken over
+    DAILY: self_calibrations.NOTHING,
+    f"{DAILY}, lengths known": self_calibrations.LENGTHS,
+    f"{DAILY}, lengths and mountings known": self_calibrations.ALL,
+}
 DURATION, PACE = 45.0, 0.6  # s, Hz
 DAILY_DURATION = 24.0  # s
 COLUMNS = ("tips, cm", "angles, deg", "NEES angles", "NEES tips")
@@ -69,17 +77,24 @@ def measure(trial: Trial) -> Mapping[str, float]:
     for case, (kinds, separation) in CONTACTS.items():
         errors = _with_contacts(slow, kinds, separation)
         found |= {f"{case}: {what}": error for what, error in errors.items()}
-    return found | {f"{DAILY}: {what}": e for what, e in _in_daily_movements(person).items()}
+    calibrated = process(self_calibration, self_calibration.Params(), recording).calibrations[0]
+    return found | _in_daily_movements(person, calibration_table(calibrated))
 
 
-def _in_daily_movements(person: Setup) -> dict[str, float]:
-    """Errors of `ekf`, mean over the movements, each after a pose of its own that the person misses alike."""
-    setup, each = replace(person, duration=DAILY_DURATION), []
+def _in_daily_movements(person: Setup, table: Mapping[str, Any]) -> dict[str, float]:
+    """Errors of `ekf`, mean over the movements, each after a pose of its own that the person misses alike, by what is taken over of a self-calibration's table."""
+    setup, each = replace(person, duration=DAILY_DURATION), list[dict[str, float]]()
     for name in daily_movements.MOVEMENTS:
         recording, true = write_and_load(setup, daily_movements.movement(name, setup))
-        moved = process(ekf, ekf.Params(), recording).trajectory
-        each.append(_errors(moved, true, BEGUN, DAILY_DURATION))
-    return {what: float(np.mean([errors[what] for errors in each])) for what in COLUMNS}
+        found: dict[str, float] = {}
+        for case, parts in KNOWN.items():
+            taken = parts != self_calibrations.NOTHING
+            known = self_calibrations.select_parts(table, parts) if taken else None
+            moved = process(ekf, ekf.Params(), recording, known=known).trajectory
+            errors = _errors(moved, true, BEGUN, DAILY_DURATION)
+            found |= {f"{case}: {what}": error for what, error in errors.items()}
+        each.append(found)
+    return {key: float(np.mean([errors[key] for errors in each])) for key in each[0]}
 
 
 def _with_contacts(setup: Setup, kinds: Sequence[str], separation: float) -> dict[str, float]:
@@ -94,7 +109,7 @@ def _with_contacts(setup: Setup, kinds: Sequence[str], separation: float) -> dic
 def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, float]]]) -> Finding:
     """One row a size and case."""
     rows = []
-    for pose, case in product(POSES, [*CASES, *CONTACTS, DAILY]):
+    for pose, case in product(POSES, [*CASES, *CONTACTS, *KNOWN]):
         of_pose = [found for trial, found in results if trial.pose == pose]
         given = [c for c in COLUMNS if of_pose and f"{case}: {c}" in of_pose[0]]
         rows.append(
@@ -108,7 +123,7 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Mapping[str, float]]]
         f"{wanted.seeds} people a row, simulated by validation/independent/simulator/free_movement.py, which shares no line with estimators/. Whole left hand with forearm, {DURATION:g} s, "
         f"every joint and the hand itself move at up to {PACE:g} Hz after a flat hand of which every freedom is missed by a normal error of that standard deviation. "
         "Sensors misaligned by 5 deg about each axis, skin 2 deg and 1 mm in 90 deg. All 23 freedoms and five tips; NEES: mean normalised error squared, 1 is honest. "
-        f"Daily movements: {len(daily_movements.MOVEMENTS)} of {DAILY_DURATION:g} s each, from tapping to a hand that rests, errors averaged over them. "
+        f"Daily movements: {len(daily_movements.MOVEMENTS)} of {DAILY_DURATION:g} s each, from tapping to a hand that rests, errors averaged over them; known is what `map` found in the slow movement, of the same wearing. "
         "Contacts: between pose and movement, each held for 2 s; pads 3 mm beside each other (each axis), creases 4 mm beside where they are believed, a table tilted by 0.8 deg; "
         f"missed: {1e3 * AWAY:g} mm from there, up to that above the table.",
     )

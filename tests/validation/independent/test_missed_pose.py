@@ -44,6 +44,10 @@ def test_what_is_inferred_of_the_pose_helps_people_of_another_simulator(
         assert measured[f"ekf: {what}"] < measured[f"ekf, pose taken as held: {what}"]
     for case in ("ekf", missed_pose.DAILY):
         assert 0.3 < measured[f"{case}: NEES angles"] < 2.5
+    daily, lengths, mountings = missed_pose.KNOWN
+    assert measured[f"{lengths}: tips, cm"] < measured[f"{daily}: tips, cm"]
+    assert measured[f"{lengths}: angles, deg"] == pytest.approx(measured[f"{daily}: angles, deg"])
+    assert measured[f"{mountings}: angles, deg"] < measured[f"{daily}: angles, deg"]
     table = missed_pose.finding(Wanted(seeds=1), [(Trial(2.5, 0), measured)]).tables[0]
     assert [row.name for row in table.rows[:3]] == [f"2.5 deg, {c}" for c in missed_pose.CASES]
 
