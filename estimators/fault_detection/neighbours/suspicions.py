@@ -99,7 +99,7 @@ def of_unexplained(found: Unexplained) -> Suspicion:
         "odds": odds_of(found.p_value),
     }
     return Suspicion(
-        Message("sensors.disagree", values, SEVERITY), found.joint, (found.span,), found.p_value
+        Message("sensors.disagree", values, SEVERITY), found.joint, (found.doubtful,), found.p_value
     )
 
 

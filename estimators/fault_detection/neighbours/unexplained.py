@@ -12,7 +12,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
+from handscope.estimators.fault_detection.neighbours.joint_windows import LENGTH
 from handscope.estimators.fault_detection.neighbours.paired_test import FEWEST
 from handscope.estimators.fault_detection.neighbours.sensor_pairs import POOR, Pairs
 from handscope.estimators.numerics.tail_probabilities import normal_sf
@@ -27,6 +29,7 @@ MEDIAN, SPREAD = 0.15, 0.88  # of intact joints, skin that moves twice as much a
 FEW = 3  # windows in which a joint may leave much although it leaves little in the rest: a finger that moves a few times
 MEDIAN_OF_FEW, SPREAD_OF_FEW = 0.17, 1.05  # of what intact joints leave in the FEW-th worst window
 USUAL = 0.2  # probability of what a joint leaves among the recording's others from which on it is usual there, whatever other recordings' joints leave
+CLEARLY_LESS = 0.25  # half the amplitude
 MUCH = 0.25  # times the noise of common_joint.py, half of each size, from which on a joint is compared with the recording's others
 # of the logarithm of what an intact joint leaves to what the others let expect, over all windows and in the FEW-th worst: of 5,107 joints in 370 simulated recordings of 37 kinds
 # 0.0 and 0.3 in the middle, 2.8 and 3.3 at most; the spread is the largest of these in normal deviates
@@ -43,7 +46,10 @@ class Unexplained:
     joint: tuple[str, str]
     ratio: float  # multiples of what is expected
     p_value: float
-    span: tuple[float, float]  # s, in which it does
+    span: tuple[float, float]  # s, in which it is seen to
+    doubtful: tuple[
+        float, float
+    ]  # s, in which it may: until enough windows that would show it do not
 
 
 @dataclass
@@ -80,7 +86,8 @@ def find(pairs: Pairs, others: Others | None = None) -> Iterator[Unexplained]:
             continue
         ratio, p = min(_beyond_other_recordings(pairs, joint), among, key=lambda each: each[1])
         if ratio > POOR:
-            yield Unexplained(joint, ratio, min(1.0, p * len(pairs.joints)), _span(pairs, joint))
+            spans = spans_of(pairs, joint, *_relative(pairs, joint))
+            yield Unexplained(joint, ratio, min(1.0, p * len(pairs.joints)), *spans)
 
 
 def _beyond_other_recordings(pairs: Pairs, joint: tuple[str, str]) -> tuple[float, float]:
@@ -137,9 +144,23 @@ def _in_few(pairs: Pairs, joint: tuple[str, str]) -> float:
     return min(float(np.sort((f.rest / f.noise)[use])[-FEW]) for f in fits)
 
 
-def _span(pairs: Pairs, joint: tuple[str, str]) -> tuple[float, float]:
-    """From the first to the last window that leaves much: half of the largest."""
+def spans_of(
+    pairs: Pairs, joint: tuple[str, str], rest: Array, odd: NDArray[np.bool_]
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """From the first to the last odd window (K,), and as far beyond as fewer than FEWEST windows leave (`rest`) clearly less than their movement would let the same fault leave."""
+    t = pairs.windows(joint[0]).t
+    square = np.maximum(pairs.turning(joint[0]), pairs.turning(joint[1])) ** 2
+    would = np.median(rest[odd]) * square / np.median(square[odd])
+    agree = pairs.use(*joint) & ~odd & (rest < CLEARLY_LESS * would)
+    first, last = float(t[odd][0]), float(t[odd][-1]) + LENGTH
+    begin, end = (float(pairs.series.t[k]) for k in (0, -1))
+    since = first if np.count_nonzero(agree & (t < first)) >= FEWEST else begin
+    until = last if np.count_nonzero(agree & (t >= last)) >= FEWEST else end
+    return (first, min(last, end)), (since, min(until, end))
+
+
+def _relative(pairs: Pairs, joint: tuple[str, str]) -> tuple[Array, NDArray[np.bool_]]:
+    """What a joint leaves in each window (K,), in noise, and where that is more than noise, or half of the most."""
     fitted, use = pairs.joint(*joint, joint), pairs.use(*joint) & pairs.turns(*joint)
-    ratio = fitted.rest / fitted.noise
-    t = pairs.windows(joint[0]).t[use & (ratio >= min(1.0, 0.5 * float(ratio[use].max())))]
-    return float(t[0]), float(t[-1])
+    rest = fitted.rest / fitted.noise
+    return rest, np.asarray(use & (rest >= min(1.0, 0.5 * float(rest[use].max()))))

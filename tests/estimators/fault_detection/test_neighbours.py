@@ -87,7 +87,16 @@ def test_a_gyroscope_that_reads_too_much_for_three_seconds_only_is_told() -> Non
     found = told(amplified(freely_moved(), "index_middle", 1.3, (10.0, 13.0)))
     assert {s.message.code for s in found} == {"sensors.disagree"}
     assert all("index_middle" in s.sensors for s in found)
-    assert all(a >= 9.0 and b <= 13.0 for s in found for a, b in s.spans)
+    assert all(a > 9.0 and b < 14.0 for s in found for a, b in s.spans)  # windows of a second
+
+
+def test_sensors_are_doubted_until_as_much_movement_shows_that_they_agree() -> None:
+    """Of 24 s the last three, after a fault that ends at 20 s, do not show enough of it."""
+    (found,) = told(amplified(freely_moved(), "index_distal", 1.4, (16.0, 20.0)))
+    ((start, stop),) = found.spans
+    assert 15.0 < start < 17.0
+    assert float(found.message.values["stop"]) < 21.0
+    assert stop == pytest.approx(float(intact()[0].t[-1]), abs=0.1)
 
 
 @pytest.mark.parametrize("since", [-np.inf, 8.0])

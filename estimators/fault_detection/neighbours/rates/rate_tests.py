@@ -15,7 +15,7 @@ from handscope.estimators.fault_detection.neighbours import delays, gains, paire
 from handscope.estimators.fault_detection.neighbours.delays import Delay
 from handscope.estimators.fault_detection.neighbours.gains import Gain
 from handscope.estimators.fault_detection.neighbours.rates.common_rates import CommonRates, Joint
-from handscope.estimators.fault_detection.neighbours.unexplained import Unexplained
+from handscope.estimators.fault_detection.neighbours.unexplained import Unexplained, spans_of
 from handscope.estimators.numerics.tail_probabilities import normal_sf
 from handscope.estimators.numerics.typing import Array
 
@@ -185,8 +185,9 @@ def find_unexplained(rates: CommonRates) -> Iterator[Unexplained]:
         ratio = float(known[-FEW])
         p = float(normal_sf(np.log(max(ratio, 1e-12) / MEDIAN) / SPREAD)) * len(rates.hinges)
         if ratio > ODD:
-            t = rates.t[rest > ODD]
-            yield Unexplained(joint, ratio, min(1.0, p), (float(t[0]), float(t[-1])))
+            yield Unexplained(
+                joint, ratio, min(1.0, p), *spans_of(rates.pairs, joint, rest, rest > ODD)
+            )
 
 
 def _odd_joints(rates: CommonRates) -> list[Joint]:
