@@ -50,6 +50,12 @@ for address, name in PAGES.items():
     router.add_api_route(address, _page_of(name), methods=["GET"])
 
 
+@router.get("/scene/", dependencies=[requires_role(CLINICIAN, SCIENTIST)])
+def any_scene_page(request: Request) -> Response:
+    """viser's client for the station that is named after the #: at one address, so that a browser keeps it."""
+    return scene_answer(request)
+
+
 @router.get("/scene/{name}/", dependencies=[requires_role(CLINICIAN, SCIENTIST)])
 def station_scene_page(request: Request, _: StationDep) -> Response:
     """viser's client; it comes back for its web socket under the same address without the last slash."""
@@ -57,9 +63,12 @@ def station_scene_page(request: Request, _: StationDep) -> Response:
 
 
 def scene_answer(request: Request) -> Response:
-    """viser's client with its policy; packed anew each time, 20 ms, as its nonce is another each time."""
-    page = scene_page(request.headers["host"])
-    headers = {"Content-Security-Policy": page.policy}
+    """viser's client with its policy; packed anew each time, 20 ms, as its nonce is another each time. A browser keeps it and asks whether it is the newest."""
+    page = scene_page(request.headers["host"], request.headers.get("if-none-match", ""))
+    headers = {"Content-Security-Policy": page.policy, "ETag": page.tag}
+    headers |= {"Cache-Control": "private, no-cache", "Vary": "Accept-Encoding"}
+    if page.html is None:
+        return Response(status_code=304, headers=headers)
     if "gzip" not in request.headers.get("accept-encoding", ""):
         return Response(page.html, media_type="text/html", headers=headers)
     packed = gzip.compress(page.html, mtime=0)

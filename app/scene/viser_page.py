@@ -1,10 +1,11 @@
 """viser's page as a browser gets it: its own controls hidden, the pages' theme, and the security policy that it is served with.
 
 The page's first script unpacks the viewer's program and puts it into the page as a second script. The policy names scripts by a nonce, a new
-one with each answer; ours, which stands before viser's, gives it to the first script element that is made. So what viser packs and how is its
+one with each page that is sent; ours, which stands before viser's, gives it to the first script element that is made. So what viser packs and how is its
 own affair: nothing here reads it. Limits: docs/security.md, "The 3-D scene's page".
 """
 
+import hashlib
 import re
 import secrets
 from dataclasses import dataclass
@@ -22,6 +23,8 @@ html, body { margin: 0; height: 100%; background: radial-gradient(ellipse at 50%
 #root div:has(> div > [data-dock-root]), #root [data-dock-root] { background: transparent !important; }
 .mantine-Paper-root, .mantine-Notifications-root, [data-portal] { display: none !important; }
 </style><script>
+// each station has the same page, which a browser keeps: which one stands after the #, and viser reads it from the address
+if (location.hash) history.replaceState(null, "", `/scene/${location.hash.slice(1)}/`);
 { // the policy lets viser's program run, the one script element that its first script makes, and none that is made later
   const nonce = document.currentScript.nonce;
   document.createElement = (...what) => {
@@ -151,17 +154,23 @@ html, body { margin: 0; height: 100%; background: radial-gradient(ellipse at 50%
 
 @dataclass(frozen=True)
 class ScenePage:
-    """One answer: the page, and the Content-Security-Policy that fits it alone."""
+    """One answer: the page, None where the browser keeps it; the Content-Security-Policy that fits it alone; the tag that it is kept under."""
 
-    html: bytes
+    html: bytes | None
     policy: str
+    tag: str
 
 
-def scene_page(host: str) -> ScenePage:
-    """viser's page, one file without any other, for a browser that reached us as `host` (name or address with port, as the request named it)."""
-    nonce = secrets.token_urlsafe(16)
-    page = _TAG.sub(f'<script nonce="{nonce}"', _client_page())
-    return ScenePage(page.encode(), _policy(host, nonce))
+def scene_page(host: str, kept: str = "") -> ScenePage:
+    """viser's page, one file without any other, for a browser that reached us as `host` (name or address with port, as the request named it).
+
+    `kept` are the tags of pages that the browser has, as If-None-Match names them: one of today's page holds for it, with its own nonce.
+    """
+    digest = _client_digest()
+    known = re.search(rf'"{digest}-([A-Za-z0-9_-]{{{NONCE_LENGTH}}})"', kept)
+    nonce = known[1] if known else secrets.token_urlsafe(NONCE_BYTES)
+    page = None if known else _TAG.sub(f'<script nonce="{nonce}"', _client_page()).encode()
+    return ScenePage(page, _policy(host, nonce), f'"{digest}-{nonce}"')
 
 
 def _encoded(colour: Colour) -> str:
@@ -174,6 +183,8 @@ def _linear(colour: Colour) -> str:
     return ", ".join(f"{(c / 255) ** 2.2:.4f}" for c in colour)
 
 
+NONCE_BYTES = 16
+NONCE_LENGTH = 22  # characters of so many bytes in base64
 _TAG = re.compile(r"<script(?=[\s>])")
 _NAME = re.compile(r"@(\w+)@")
 SHARE_OF_NEWEST, LONGEST_INTERVAL = 0.2, 100  # of the mean time between two poses; ms
@@ -189,6 +200,11 @@ _VALUES = {
     "LABEL_INK": _encoded(palette.LABEL_INK),
     "DARK_GROUND": _linear(palette.DARK_GROUND),
 }
+
+
+@cache
+def _client_digest() -> str:
+    return hashlib.sha256(_client_page().encode()).hexdigest()[:16]
 
 
 @cache

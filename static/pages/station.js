@@ -38,7 +38,7 @@ export function mount(root, api, { id, go, title }) {
   async function begin() {
     await station.begin();
     if (gone) return;
-    scene.append(h("iframe", { src: `/scene/${id}/`, title: t("station.scene") })); // first, as it is what takes longest
+    scene.append(h("iframe", { src: `/scene/#${id}`, title: t("station.scene") })); // first, as it is what takes longest
     /** @type {[any, { mount: (...given: any[]) => () => void }]} */
     const [session, kind] = await Promise.all([
       api.get(`/api/sessions/${station.latest.session}`),

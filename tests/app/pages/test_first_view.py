@@ -139,6 +139,21 @@ def test_styles_come_in_one_file(client: TestClient) -> None:
     assert deeper == [], "an address there would be looked for beside the file that imports it"
 
 
+def test_the_scenes_page_is_sent_once_and_its_policy_stays_that_of_its_scripts(
+    client: TestClient,
+) -> None:
+    first = client.get("/scene/")
+    kept = {"If-None-Match": first.headers["etag"]}
+    again = client.get("/scene/", headers=kept)
+    assert first.headers["cache-control"] == again.headers["cache-control"] == "private, no-cache"
+    assert (again.status_code, again.content) == (304, b"")
+    policies = [answer.headers["content-security-policy"] for answer in (first, again)]
+    nonces = re.findall(r'<script nonce="([^"]+)"', first.text)
+    assert policies[0] == policies[1] and f"'nonce-{nonces[0]}'" in policies[0]
+    stranger = TestClient(client.app, base_url=client.base_url)
+    assert stranger.get("/scene/", headers=kept).status_code == 401
+
+
 def test_a_client_that_cannot_unpack_gets_the_text_itself(client: TestClient) -> None:
     plain = client.get("/static/app.js", headers={"Accept-Encoding": "identity"})
     packed = client.get("/static/app.js", headers={"Accept-Encoding": "gzip"})

@@ -80,6 +80,7 @@ def _app(scene: HandScene, here: Site, with_policy: bool) -> FastAPI:
             return Response(status_code=401)
         page = scene_page(request.headers["host"])
         headers = {"Content-Security-Policy": page.policy} if with_policy else {}
+        assert page.html is not None
         return Response(page.html, media_type="text/html", headers=headers)
 
     @app.websocket(here.path.rstrip("/"))

@@ -6,7 +6,8 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page, Route, expect
 
-from tests.journeys.house import new_patient, shown
+from tests.app.pages.first_view_time import HAND_STANDS
+from tests.journeys.house import api, new_patient, shown
 
 pytestmark = pytest.mark.browser
 LIST = "/api/patients?search=&archived=false&offset=0&limit=50"
@@ -62,3 +63,22 @@ def test_an_early_answer_that_nobody_took_is_not_shown_later(
     with page.expect_response(lambda answer: answer.url.endswith(LIST)):
         page.get_by_role("link", name="Patients").click()
     shown(page.get_by_role("link", name="DEMO"))
+
+
+def test_a_second_station_has_its_hand_without_the_page_of_the_scene_sent_again(
+    another_page: Callable[..., Page],
+) -> None:
+    page = another_page(at=None)
+    wanted = {"hand": "right", "port": api(page, "/api/gloves")[1]["path"]}
+    sent = []
+    for _ in range(2):
+        number = new_patient(page)
+        station = api(page, f"/api/patients/{number}/sessions", "POST", data=wanted)["station"]
+        page.goto(f"/stations/{station}")
+        frame = page.wait_for_selector("iframe").content_frame()  # type: ignore[union-attr]
+        assert frame is not None
+        frame.wait_for_function(HAND_STANDS)
+        assert frame.evaluate("location.pathname") == f"/scene/{station}/"
+        sent.append(frame.evaluate('performance.getEntriesByType("navigation")[0].transferSize'))
+        api(page, f"/api/stations/{station}", "DELETE")
+    assert sent[0] > 500_000 and sent[1] < 2_000
