@@ -31,11 +31,10 @@ MEDIAN_OF_FEW, SPREAD_OF_FEW = 0.17, 1.05  # of what intact joints leave in the 
 USUAL = 0.2  # probability of what a joint leaves among the recording's others from which on it is usual there, whatever other recordings' joints leave
 CLEARLY_LESS = 0.25  # half the amplitude
 MUCH = 0.25  # times the noise of common_joint.py, half of each size, from which on a joint is compared with the recording's others
+# of a mean square: a hundredth to four times what common_joint.py assumes; windows of a joint err together; ours
+SIZES = Prior(log=float(np.log(0.2)), sd=1.5, scatter=0.5, dependent=10.0)
 # of the logarithm of what an intact joint leaves to what the others let expect, over all windows and in the FEW-th worst: of 5,107 joints in 370 simulated recordings of 37 kinds
 # 0.0 and 0.3 in the middle, 2.8 and 3.3 at most; the spread is the largest of these in normal deviates
-SIZES = Prior(
-    float(np.log(0.2)), 1.5, 0.5, 10.0
-)  # of a mean square: a hundredth to four times what common_joint.py assumes; windows of a joint err together; ours
 EXPECTED, EXPECTED_OF_FEW, SPREAD_AMONG = 0.0, 0.25, 0.75
 
 
