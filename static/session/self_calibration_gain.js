@@ -31,11 +31,12 @@ export function mount(root, api, { session, result, go, treats }) {
     try {
       const [first, then] = await Promise.all([before, after].map(({ id }) => api.get(`/api/results/${id}?lean=true`)));
       if (gone) return;
-      const rows = pairs(first.readings.headlines, then.readings.headlines);
+      const rows = pairs(tiles(first.readings), tiles(then.readings));
+      const reached = rows.length ? [] : pairs(flexions(first.readings), flexions(then.readings));
       const lengths = then.self_calibration?.changes ?? [];
-      const tables = [table("gain.figure", rows, before), table("gain.length", lengths, before)];
+      const tables = [table("gain.figure", rows, before), table("ranges.flexion", reached, before), table("gain.length", lengths, before)];
       root.append(h("h2", {}, t("gain.both")), ...tables.filter(Boolean));
-      root.hidden = !rows.length && !lengths.length;
+      root.hidden = !tables.some(Boolean);
     } catch (error) {
       gone || ((root.hidden = false), box.show(error), root.append(box.element));
     }
@@ -51,14 +52,19 @@ function standing(recording, method) {
   return recording?.results.find((one) => one.current && (method ? one.method === method : one.method !== METHOD && one.state === "done"));
 }
 
-/** Rows [label, before, after] of figures that both have. */
+/** Rows [label, before, after] of what both have, of [key, label, value]. */
 function pairs(before, after) {
-  const known = new Map(before.flatMap((task, k) => task.tiles.map((tile) => [`${k} ${tile.label}`, tile.value])));
-  return after.flatMap((task, k) =>
-    task.tiles
-      .filter((tile) => known.has(`${k} ${tile.label}`))
-      .map((tile) => [`${task.title}: ${tile.label}`, known.get(`${k} ${tile.label}`), tile.value]),
-  );
+  const known = new Map(before.map(([key, , value]) => [key, value]));
+  return after.filter(([key, , value]) => value && known.get(key)).map(([key, label, value]) => [label, known.get(key), value]);
+}
+
+function tiles({ headlines }) {
+  return headlines.flatMap((task, k) => task.tiles.map(({ label, value }) => [`${k} ${label}`, `${task.title}: ${label}`, value]));
+}
+
+function flexions({ ranges }) {
+  const named = ({ group, joint, flexion }, k) => [`${k} ${group} ${joint}`, `${group} ${joint}`.trim(), flexion];
+  return ranges.flatMap(({ rows }, k) => rows.map((row) => named(row, k)));
 }
 
 function table(what, rows, before) {
