@@ -70,6 +70,11 @@ def add(parser: argparse.ArgumentParser) -> None:
         default=None,
         help="how samples travel (int16; float32 for --replay)",
     )
+    parser.add_argument(
+        "--wired",
+        action="store_true",
+        help="the forearm's sensor is on a cable as the others, not on a radio link with delays",
+    )
     parser.add_argument("--seed", type=seed, default=0)
     parser.add_argument(
         "--force-setup",
@@ -168,6 +173,7 @@ def run(arguments: argparse.Namespace) -> int:
     build = Build(
         device_id=0x5C09E0 + arguments.seed,
         drift=arguments.drift * 1e-6,
+        forearm_delay=(0.0, 0.0) if arguments.wired else Build.forearm_delay,
         format=Format.INT16 if kind == "int16" else Format.FLOAT32,
     )
     flash = (

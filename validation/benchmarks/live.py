@@ -1,7 +1,8 @@
 """Live: 17 sensors at 200 Hz, one station, four viewers of figures and 3-D scene: latency from a sample to the viewer, CPU of the server.
 
 A sample's age is taken when its message is in the viewer's hands: the recording's clock is the glove's, and the least age ever seen of any
-burst on arrival at the server defines its zero, as in sessions.clock_mapping; what the glove itself held back (its burst) counts.
+burst on arrival at the server defines its zero, as in sessions.clock_mapping; what the glove itself held back (its burst, its radio) counts.
+A row waits for every strip, so that the radio of the forearm's sensor is in every age; without it (all on cables) the age is the server's.
 """
 
 import asyncio
@@ -10,6 +11,7 @@ import tempfile
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 from websockets.typing import Origin, Subprotocol
 
+from handscope.app.devices.virtual_glove.firmware import Build
 from handscope.app.scene.bridge import PROTOCOL
 from handscope.estimators.numerics.typing import Array
 from handscope.validation.benchmarks import Metric, costs
@@ -33,14 +36,46 @@ VIEWERS = 4
 SECONDS = 12.0  # less than the task lasts
 STREAM_RATE = 120.0  # Hz, of the program that reads the poses beside the viewers
 ASKED = 4  # times that a viewer asks for a scene
-AS_A_PAGE = "rate=20&changes=true"  # what static/station/connection.js asks for
+POSES = 12_000  # ten minutes of a page's
+AS_A_PAGE_RATE = 20  # messages a second
+AS_A_PAGE = f"rate={AS_A_PAGE_RATE}&changes=true"  # what static/station/connection.js asks for
 
 
 def measure() -> list[Metric]:
-    """Latency and CPU while the tapping task runs."""
+    """Latency and CPU while the tapping task runs, with the radio link of the forearm's sensor and on cables alone."""
+    radio = age_by_radio(np.random.default_rng(1), Build())
+    wired = [replace(m, name=f"on cables: {m.name}") for m in _measure("--wired")]
+    return [
+        *_measure(),
+        Metric("by the radio alone, median", float(np.median(radio)), "ms", None, "lower"),
+        Metric("by the radio alone, p99", float(np.percentile(radio, 99)), "ms", None, "lower"),
+        *wired,
+    ]
+
+
+def age_by_radio(rng: np.random.Generator, build: Build) -> Array:
+    """Ages (ms) of poses that pages would get of a server that takes no time: POSES times, the next pose that is complete.
+
+    Without the radio's least delay, which no clock can tell from an offset.
+    """
+    newest = build.burst * np.arange(1 + round(POSES / AS_A_PAGE_RATE / build.burst))
+    least, mean = build.forearm_delay
+    delay = rng.exponential(mean - least, len(newest))
+    complete = np.maximum.accumulate(newest + delay)  # a radio link keeps the order
+    asked = np.arange(POSES - 1) / AS_A_PAGE_RATE + rng.uniform(0, build.burst, POSES - 1)
+    first = np.searchsorted(complete, asked)
+    last = np.searchsorted(complete, complete[first], side="right") - 1  # that came with it
+    ages: Array = 1e3 * (complete[last] - newest[last])
+    return ages
+
+
+def _measure(*words: str) -> list[Metric]:
     with tempfile.TemporaryDirectory() as folder:
         port = Path(folder) / "glove"
-        with glove(port, "--rate", str(RATE)), server(Path(folder) / "data") as (address, pid):
+        with (
+            glove(port, "--rate", str(RATE), *words),
+            server(Path(folder) / "data") as (address, pid),
+        ):
             client = Client(address)
             station = begin_tasks(client, port)
             act(client, station, "choose", task="tapping")

@@ -13,6 +13,7 @@ from starlette.testclient import TestClient
 
 from handscope import static
 from handscope.app.auth.gate import new_token
+from handscope.app.devices.virtual_glove.firmware import Build
 from handscope.app.server import create_app
 from handscope.app.settings import Settings
 from handscope.estimators.errors import InputError
@@ -140,6 +141,17 @@ def test_viewers_ask_for_what_a_page_asks_for() -> None:
     page = Path(static.__file__).with_name("station").joinpath("connection.js").read_text()
     assert f"const RATE = {asked['rate']};" in page
     assert "&changes=true`" in page and asked["changes"] == "true"
+
+
+def test_the_radios_part_of_a_pages_age_is_none_without_a_radio_and_its_delays_with_one() -> None:
+    rng = np.random.default_rng(0)
+    assert live.age_by_radio(rng, Build(forearm_delay=(0.0, 0.0))).max() < 1e-6
+    assert live.age_by_radio(rng, Build(forearm_delay=(0.005, 0.005))).max() < 1e-6
+    late = live.age_by_radio(rng, Build(forearm_delay=(0.005, 0.01)))
+    # one burst in a hundred would be later than this alone: others wait behind it, or come with it
+    assert (
+        0.0 < np.median(late) < np.percentile(late, 99) == pytest.approx(5 * np.log(100), rel=0.4)
+    )
 
 
 def test_a_stretch_without_a_message_is_too_late() -> None:

@@ -1,5 +1,6 @@
 """The virtual glove's inside, driven with a clock that is passed in: what comes out is decoded by the code that decodes a real glove."""
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -76,6 +77,25 @@ def test_a_glove_with_all_strips_sends_every_sample_of_17_sensors_once() -> None
         assert np.isfinite(block.values).all()
     assert assembler.counters.lost == assembler.counters.corrupt == 0
     assert sum(c.lost for c in assembler.counts.values()) == 0
+
+
+@pytest.mark.parametrize(("build", "is_behind"), [({}, True), ({"forearm_delay": (0, 0)}, False)])
+def test_a_forearms_samples_wait_for_the_radio_and_on_a_cable_for_nothing(
+    build: dict[str, object], is_behind: bool
+) -> None:
+    firmware, assembler, received = (
+        glove(person(("forearm",)), **build),
+        Assembler(),
+        Counter[str](),
+    )
+    firmware.handle(Encoder().frame(wire.Start()))
+    behind = []
+    for k in range(1000):
+        for block in assembler.feed(b"".join(firmware.advance(0.001)), 50.0 + 0.001 * k):
+            received[block.stream.name] += len(block.t)
+        behind.append(received["hand"] - received["forearm"])
+    assert received["hand"] > 90
+    assert any(behind) is is_behind and min(behind) >= 0
 
 
 @pytest.mark.parametrize("rate", [1.0, 60.0, 1000.0])
