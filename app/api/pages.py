@@ -3,12 +3,14 @@
 import asyncio
 import gzip
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 
 from fastapi import APIRouter, Request, WebSocket
 from starlette.responses import Response
 
 from handscope.app.auth.roles import CLINICIAN, EVERY_ACCOUNT, SCIENTIST, Requester, requires_role
+from handscope.app.live.replay import Replay
 from handscope.app.page_files.document import document
 from handscope.app.scene.bridge import bridge
 from handscope.app.scene.viser_page import scene_page
@@ -35,8 +37,17 @@ def page(request: Request, name: str = "missing", status: int = 200) -> Response
     """The document; at an address that is none of ours it says so itself."""
     who: Requester = request.state.requester
     account = {"roles": sorted(who.roles), "lacks_second_factor": who.lacks_second_factor}
-    modules = (f"/static/pages/{name}.js",)
-    return document("index.html", request.headers, modules, account, status)
+    modules = [f"/static/pages/{name}.js"]
+    if name == "station":
+        modules += [f"/static/station/{kind}.js" for kind in _kind_of_station(request)]
+    return document("index.html", request.headers, tuple(modules), account, status)
+
+
+def _kind_of_station(request: Request) -> Iterator[str]:
+    """What static/pages/station.js imports of the two, where the station is there."""
+    with suppress(InputError):
+        station = station_of(request, request.path_params["id"])
+        yield "replay" if isinstance(station, Replay) else "live"
 
 
 def _page_of(name: str) -> Callable[[Request], Response]:

@@ -10,6 +10,7 @@ from starlette.testclient import TestClient
 
 from handscope.app.api import pages
 from handscope.app.auth.gate import new_token
+from handscope.app.live.replay import Replay
 from handscope.app.page_files import versions
 from handscope.app.page_files.files import STATIC
 from handscope.app.server import create_app
@@ -66,6 +67,20 @@ def test_a_document_names_all_modules_that_its_page_imports_and_none_besides(
     started = {f"{version}/static/first_view.js", f"{version}/static/app.js", page}
     modules = {name for start in started for name in imported(client, start)}
     assert {n for n in names if n.endswith(".js")} == {*modules, f"{version}/languages/en.js"}
+
+
+@pytest.mark.parametrize(("kind", "station"), [("live", None), ("replay", Replay.__new__(Replay))])
+def test_the_document_of_a_station_names_what_its_kind_needs(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch, kind: str, station: Replay | None
+) -> None:
+    monkeypatch.setattr(pages, "station_of", lambda *_: station)
+    names = linked(client, "/stations/1")
+    version = str(VERSION.match(names[0])[0])  # type: ignore[index]
+    assert imported(client, f"{version}/static/station/{kind}.js") <= set(names)
+    other = {"live": "replay", "replay": "live"}[kind]
+    assert f"{version}/static/station/{other}.js" not in names
+    script = (STATIC / "pages/station.js").read_text("utf-8")
+    assert script.count("import(") == 2 and f'import("../station/{kind}.js")' in script
 
 
 def test_the_server_and_the_script_agree_on_which_page_stands_at_an_address() -> None:
