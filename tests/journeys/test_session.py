@@ -376,7 +376,7 @@ def test_a_calibration_by_movements_is_led_through_and_used(
     shown(page.get_by_text("Initial pose again"))
     keep_picture(page, "calibration-pose")
     act(page, "start").click()
-    shown(page.get_by_text("Movements told how the sensors sit (2 steps)"))
+    shown(page.get_by_text("The mounting of the sensors was found from movements (2 steps)"))
     keep_picture(page, "calibration-review")
     act(page, "accept").click()
     shown(page.locator("summary", has_text="Calibrate again")).click()
