@@ -19,7 +19,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from handscope.estimators.numerics.optional_imports import hidden
+from handscope.estimators.numerics.optional_imports import hidden, import_without_package
 from handscope.estimators.numerics.typing import Bools
 
 with hidden("cffi", "yaml"):  # 0.09 s of every start; no kernel calls C, nothing is set in a file
@@ -34,6 +34,8 @@ with hidden("cffi", "yaml"):  # 0.09 s of every start; no kernel calls C, nothin
     from handscope.estimators.numerics.translation.translation_lock import translating
 
 load_without_translator()
+# numba looks there for what its kernels call of LAPACK; importing all of scipy.linalg takes 0.04 s
+import_without_package("scipy.linalg", "cython_blas", "cython_lapack")
 
 # what makes each row kernel of the modules that were imported
 _BUILDERS: list[Callable[[], Any]] = []

@@ -1,6 +1,6 @@
 """Modules that are not everywhere: packages that another one imports where they are installed, and those of one operating system."""
 
-import importlib
+import importlib.util
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -41,6 +41,19 @@ def not_by_star(package: ModuleType, *names: str) -> Iterator[None]:
         yield
     finally:
         module.__all__, module.__getattr__ = listed, ask
+
+
+def import_without_package(package: str, *names: str) -> None:
+    """Import modules of a package, but nothing of what the package itself imports; one that is imported already stays."""
+    spec = importlib.util.find_spec(package)
+    if package in sys.modules or spec is None:
+        return
+    sys.modules[package] = importlib.util.module_from_spec(spec)  # with its path, not carried out
+    try:
+        for name in names:
+            importlib.import_module(f"{package}.{name}")
+    finally:
+        del sys.modules[package]
 
 
 def system_module(name: str) -> Any:
