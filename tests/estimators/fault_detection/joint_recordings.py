@@ -71,6 +71,17 @@ def loosened(recording: Simulated, sensor: str) -> list[Block]:
     return _changed(recording, change)
 
 
+def knocked(recording: Simulated, sensor: str, at: float) -> list[Block]:
+    """A sensor that something knocks against for 0.3 s."""
+
+    def change(block: Block, values: np.ndarray) -> None:
+        rows = (block.t >= at) & (block.t < at + 0.3)
+        k, axes = block.stream.sensors.index(sensor), block.stream.axes(ACC)
+        values[rows, k, axes] += 10.0 * np.sin(2 * np.pi * 5 * block.t[rows])[:, None]
+
+    return _changed(recording, change)
+
+
 def slipped(recording: Simulated, sensor: str, degrees: float, start: float) -> list[Block]:
     """Turned about the axis of flexion at `start` s."""
     R = quat.matrix(quat.about(2, np.array(np.radians(degrees))))

@@ -17,6 +17,7 @@ from tests.estimators.fault_detection.joint_recordings import (
     delayed,
     exchanged,
     freely_moved,
+    knocked,
     loosened,
     slipped,
 )
@@ -113,6 +114,11 @@ def test_a_gyroscope_of_the_only_finger_that_moves_is_compared_with_what_other_j
     ]
     ((start, _),) = found[0].spans
     assert start >= since - 1.0
+
+
+def test_a_knock_in_a_single_second_is_no_fault() -> None:
+    tapping = simulate(("tapping",), "left", GEOMETRY, np.random.default_rng(8), SensorErrors())
+    assert told(knocked(tapping, "index_distal", 10.2)) == []
 
 
 def test_two_exchanged_fingers_are_named() -> None:
