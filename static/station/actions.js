@@ -81,9 +81,9 @@ export function mount(root, api, { station, given }) {
     const leave = confirming.mount(asked, api, { ...about, send: (reason) => station.act(act, { reason }) });
     actions.replaceChildren(asked);
     asked.querySelector("input, [data-back]").focus(); // never what gives something up
-    // all of it stays in view, whatever comes above it later: on a tablet the way back would lie below the edge
+    // all of it stays in view, whatever comes above it later, or into it: on a tablet the way back would lie below the edge
     const above = new ResizeObserver(() => asked.scrollIntoView({ block: "nearest" }));
-    for (const part of root.parentElement.children) above.observe(part);
+    for (const part of [asked, ...root.parentElement.children]) above.observe(part);
     asking = wizard.state;
     closeQuestion = () => {
       above.disconnect();
