@@ -140,9 +140,8 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(HTTPException)
     async def refused(request: Request, error: HTTPException) -> Response:
         if error.status_code == 404 and asks_for_page(request) and not _is_of_api(request):
-            return page(
-                request, status=404
-            )  # a mistyped address: a way back, not a program's answer
+            # a mistyped address: a way back, not a program's answer
+            return page(request, status=404)
         if is_full(error.__cause__):  # during an upload
             return JSONResponse(error_body(FULL, preferred(request)), NO_ROOM)
         return JSONResponse(

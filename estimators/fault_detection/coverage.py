@@ -23,11 +23,9 @@ from handscope.estimators.fault_detection.neighbours import (
 from handscope.estimators.fault_detection.neighbours.check_neighbours import (
     FALSE_ALARM,
     Compared,
+    Views,
 )
 from handscope.estimators.fault_detection.neighbours.rates import rate_tests, synchrony
-from handscope.estimators.fault_detection.neighbours.rates.common_rates import CommonRates
-from handscope.estimators.fault_detection.neighbours.unexplained import Others
-from handscope.estimators.fault_detection.neighbours.vibration import Vibration
 from handscope.estimators.fault_detection.single_sensors import gyroscope_check, rest_turns
 from handscope.estimators.fault_detection.single_sensors.cells import Cells, begins
 from handscope.estimators.fault_detection.single_sensors.gravity_fit import information_of
@@ -63,12 +61,10 @@ def untested(
     compared = compared or Compared(blocks, declared, calibrations)
     by_gravity = _shown_by_gravity(compared.cells)
     views = compared.views
-    rates, shaking = (views.rates, views.vibration) if views else (None, None)
-    others = Others(views.pairs) if views else None
     sensors = [
         s
         for s, shown in by_gravity.items()
-        if s not in named and not all(shown[g] or _gain_shows(rates, others, s, g) for g in GAINS)
+        if s not in named and not all(shown[g] or _gain_shows(views, s, g) for g in GAINS)
     ]
     strips = [
         finger
@@ -78,7 +74,7 @@ def untested(
     together = set(synchrony.comparable_fingers(views.signals, LATE)) if views else set()
     return Untested(
         tuple(sensors),
-        tuple(f for f in strips if f not in together and not _delay_shows(rates, shaking, f)),
+        tuple(f for f in strips if f not in together and not _delay_shows(views, f)),
     )
 
 
@@ -99,11 +95,10 @@ def _shown_by_gravity(cells: Cells) -> dict[str, dict[float, bool]]:
     return shown
 
 
-def _gain_shows(rates: CommonRates | None, others: Others | None, sensor: str, gain: float) -> bool:
-    if (
-        rates is None or others is None or sensor not in rates.pairs.series.sensors
-    ):  # the trunk's has no neighbour
+def _gain_shows(views: Views | None, sensor: str, gain: float) -> bool:
+    if views is None or sensor not in views.pairs.series.sensors:  # the trunk's has no neighbour
         return False
+    rates = views.rates
     wrong = rates.pairs.with_gain(sensor, 1.0 / gain)
     if gains.p_value_of(wrong, rates.pairs, sensor, gain) < FALSE_ALARM:
         return True
@@ -111,19 +106,20 @@ def _gain_shows(rates: CommonRates | None, others: Others | None, sensor: str, g
         return True
     return any(
         u.p_value < FALSE_ALARM * len(wrong.joints) / len(rates.pairs.joints)
-        for u in unexplained.find(wrong, others)
+        for u in unexplained.find(wrong, views.others)
         if sensor in u.joint
     )
 
 
-def _delay_shows(rates: CommonRates | None, vibrating: Vibration | None, finger: str) -> bool:
-    if rates is None or vibrating is None:
+def _delay_shows(views: Views | None, finger: str) -> bool:
+    if views is None:
         return False
+    rates = views.rates
     roots = [j for j in rates.pairs.joints if j[0] == "hand" and j[1] == CHAINS[finger][0]]
     by_rates = [j for j in roots if j in rates.joints and rates.explains]
     return all(
         any(rate_tests.p_value_of_delay(rates, j, late) < FALSE_ALARM for j in by_rates)
         or any(delays.p_value_of(rates.pairs, j, late) < FALSE_ALARM for j in roots)
-        or any(vibration.p_value_of(vibrating, j, late) < FALSE_ALARM for j in roots)
+        or any(vibration.p_value_of(views.vibration, j, late) < FALSE_ALARM for j in roots)
         for late in LATE
     )

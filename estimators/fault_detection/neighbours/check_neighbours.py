@@ -40,7 +40,7 @@ from handscope.estimators.fault_detection.neighbours.suspicions import (
     of_verdict,
     whole_span,
 )
-from handscope.estimators.fault_detection.neighbours.unexplained import Unexplained
+from handscope.estimators.fault_detection.neighbours.unexplained import Others, Unexplained
 from handscope.estimators.fault_detection.neighbours.vibration import Vibration
 from handscope.estimators.fault_detection.single_sensors.cells import (
     Cells,
@@ -88,6 +88,11 @@ class Views:
     def rates(self) -> CommonRates:
         """What neighbours' rates have in common."""
         return CommonRates(self.pairs)
+
+    @cached_property
+    def others(self) -> Others:
+        """How large errors are, by the joints that a sensor is not at."""
+        return Others(self.pairs)
 
     @cached_property
     def vibration(self) -> Vibration:
@@ -141,7 +146,7 @@ def check_neighbours(views: Views, geometry: HandGeometry) -> list[Suspicion]:
         return []  # so are its joint positions told by `check_hand`
     if (verdict := _verdict(pairs, geometry)[0]) is not None and verdict.kind == "hand":
         return []  # `check_hand` tells it; every joint lies elsewhere than expected
-    every = [*unexplained.find(pairs), *rate_tests.find_unexplained(views.rates)]
+    every = [*unexplained.find(pairs, views.others), *rate_tests.find_unexplained(views.rates)]
     odd = _once([u for u in every if u.p_value < FALSE_ALARM])
     named = _named(views, [u.joint for u in odd])
     return named + [

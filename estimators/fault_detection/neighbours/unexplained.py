@@ -74,12 +74,11 @@ class Others:
         return self._sizes[sensor]
 
 
-def find(pairs: Pairs, others: Others | None = None) -> Iterator[Unexplained]:
+def find(pairs: Pairs, others: Others) -> Iterator[Unexplained]:
     """Joints that leave more than intact ones, over all windows or in a few, with the probability that any joint of an intact recording leaves as much.
 
-    `others` tell what is expected, where not all of the pairs' own joints do.
+    `others` tell what is expected: those of the pairs themselves, or of the same recording as it was before one of its sensors was changed.
     """
-    others = others or Others(pairs)
     for joint in pairs.joints:
         among = _beyond_others(pairs, others, joint)
         if among[1] > USUAL:
