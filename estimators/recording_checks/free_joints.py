@@ -19,7 +19,6 @@ from handscope.estimators.data.samples import Block, Recording, RecordingView, S
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.fault_detection.finding import Message, Suspicion
-from handscope.estimators.fault_detection.neighbours.anatomy import check_anatomy
 from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import (
@@ -36,6 +35,7 @@ from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation.given_orientations import with_orientations
 from handscope.estimators.pipeline.recording_calibration import calibrate
 from handscope.estimators.pipeline.run import run
+from handscope.estimators.recording_checks.anatomy import check_anatomy
 from handscope.estimators.recording_checks.finger_order import UNSURE, check_order
 
 HINGES = tuple(j.name for j in JOINTS if not j.name.startswith(("wrist", "thumb_cmc")))

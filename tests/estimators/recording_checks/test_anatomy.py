@@ -6,10 +6,10 @@ import numpy as np
 
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.fault_detection.finding import Suspicion
-from handscope.estimators.fault_detection.neighbours.anatomy import check_anatomy
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import SEGMENT
 from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.recording_checks.anatomy import check_anatomy
 from tests.estimators.fault_detection.joint_recordings import freely_moved
 
 
