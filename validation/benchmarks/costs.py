@@ -48,19 +48,26 @@ def _of_command(command: Sequence[str]) -> float:
 
 def memory_of_processing(
     folder: str, stream: Stream, events: tuple[Event, ...], name: str
-) -> float:
-    """High water (MB) of this process after a method over the left hand's samples in t.npy and values.npy."""
+) -> tuple[float, float]:
+    """MB of this process, by a method over the left hand's samples in t.npy and values.npy: high water, and what it holds with the result but for pages of files, which processes share."""
     block = Block(stream, np.load(f"{folder}/t.npy"), np.load(f"{folder}/values.npy"))
     recording = LoadedRecording("left", sized("left"), {}, {stream.name: block}, events)
-    process(METHODS[name], METHODS[name].Params(), recording)
-    return high_water()
+    held = process(METHODS[name], METHODS[name].Params(), recording)
+    own = _memory("RssAnon")
+    del held
+    return high_water(), own
 
 
 def high_water() -> float:
     """Peak resident memory of this process in MB; getrusage's would be that of the process which started it."""
+    return _memory("VmHWM")
+
+
+def _memory(field: str) -> float:
+    """MB of this process, by a field of its status."""
     status = Path("/proc/self/status").read_text()
     return (
-        float(next(line.split()[1] for line in status.splitlines() if line.startswith("VmHWM")))
+        float(next(line.split()[1] for line in status.splitlines() if line.startswith(field)))
         / 1024
     )
 
