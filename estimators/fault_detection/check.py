@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.samples import Block, Recording
 from handscope.estimators.fault_detection.finding import Suspicion
-from handscope.estimators.fault_detection.neighbours import check_neighbours
+from handscope.estimators.fault_detection.neighbours import check_neighbours, other_joints
 from handscope.estimators.fault_detection.neighbours.check_neighbours import Compared
 from handscope.estimators.fault_detection.single_sensors.check_sensors import check_sensors
 
@@ -42,7 +42,10 @@ def check_recording(
     list of Suspicion
         Faults of the file first, then those of single sensors, then of sensors against each other and the declared hand.
     """
+    if declared is not None:
+        compared = compared or Compared(blocks, declared, calibrations)
     alone = check_sensors(blocks, compared.cells if compared else None)
+    alone = [s for s in alone if not _is_refuted(s, compared)]
     spoils = any(
         s.message.severity == "fault" and "magnetometer" not in s.message.code for s in alone
     )
@@ -58,6 +61,16 @@ def check_recording(
         compared,
     )
     return _without_repeated_slips([*alone, *together])
+
+
+def _is_refuted(suspicion: Suspicion, compared: Compared | None) -> bool:
+    """Whether joints are as they are in sensors that are right, and would not be if a gyroscope had the fault."""
+    if suspicion.rates is None or len(suspicion.sensors) != 1 or compared is None:
+        return False
+    (sensor,), (span,), views = suspicion.sensors, suspicion.spans, compared.views
+    if views is None or not views.pairs.explains or sensor not in views.pairs.series.sensors:
+        return False
+    return other_joints.refute_rates(views.pairs, views.others, sensor, suspicion.rates, span)
 
 
 def _without_repeated_slips(found: list[Suspicion]) -> list[Suspicion]:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from handscope.estimators.messages import Message as Message
+from handscope.estimators.numerics.typing import Array
 
 
 @dataclass(frozen=True)
@@ -39,3 +40,4 @@ class Suspicion:
     correction: Mapping[str, object] | None = (
         None  # where the data leave one answer: e.g. {"gyr": matrix (3, 3)}, {"delay": s}, {"exchange": ("a", "b")}
     )
+    rates: Array | None = None  # (3, 3) that makes rates of what a faulty gyroscope reads

@@ -26,7 +26,13 @@ from handscope.estimators.fault_detection.neighbours import (
     unexplained,
     vibration,
 )
+from handscope.estimators.fault_detection.neighbours.delays import Delay
 from handscope.estimators.fault_detection.neighbours.joint_places import Bone, Verdict
+from handscope.estimators.fault_detection.neighbours.other_joints import (
+    Others,
+    refute_delay,
+    refute_rates,
+)
 from handscope.estimators.fault_detection.neighbours.rates import rate_tests, synchrony
 from handscope.estimators.fault_detection.neighbours.rates.common_rates import CommonRates
 from handscope.estimators.fault_detection.neighbours.rates.synchrony import Signals
@@ -40,7 +46,7 @@ from handscope.estimators.fault_detection.neighbours.suspicions import (
     of_verdict,
     whole_span,
 )
-from handscope.estimators.fault_detection.neighbours.unexplained import Others, Unexplained
+from handscope.estimators.fault_detection.neighbours.unexplained import Unexplained
 from handscope.estimators.fault_detection.neighbours.vibration import Vibration
 from handscope.estimators.fault_detection.single_sensors.cells import (
     Cells,
@@ -164,14 +170,22 @@ def _once(odd: Sequence[Unexplained]) -> list[Unexplained]:
 
 def _named(views: Views, odd: Sequence[tuple[str, str]]) -> list[Suspicion]:
     """Faults that are named; at joints that are surely odd the most probable cause needs less evidence."""
-    pairs, rates = views.pairs, views.rates
+    pairs, rates, others = views.pairs, views.rates, views.others
+
+    def is_right(delay: Delay) -> bool:
+        return not refute_delay(pairs, others, delay.sensors, delay.late, delay.span)
 
     def is_sure(cause: _Cause) -> bool:
         at_odd_joint = any(set(joint) & set(cause.sensors) for joint in odd)
         return cause.suspicion.p_value < (exchanges.OTHERS if at_odd_joint else FALSE_ALARM)
 
     exchange = exchanges.find(pairs)
-    wrong_gains = [g for g in (gains.find(pairs), rate_tests.find_gain(rates)) if g is not None]
+    wrong_gains = [
+        g
+        for g in (gains.find(pairs), rate_tests.find_gain(rates))
+        if g is not None
+        and not refute_rates(pairs, others, g.sensor, np.eye(3) / g.gain, whole_span(pairs))
+    ]
     single = [
         *(
             [_Cause(tuple(exchange.order), exchange.gain, of_exchange(exchange, pairs))]
@@ -182,16 +196,22 @@ def _named(views: Views, odd: Sequence[tuple[str, str]]) -> list[Suspicion]:
     ]
     late = [_Cause(d.sensors, d.gain, of_delay(d)) for d in delays.find(pairs)]
     known = [s for c in late if is_sure(c) for s in c.sensors]
-    late += [_Cause(d.sensors, d.gain, of_delay(d)) for d in rate_tests.find_delays(rates, known)]
+    late += [
+        _Cause(d.sensors, d.gain, of_delay(d))
+        for d in filter(is_right, rate_tests.find_delays(rates, known))
+    ]
     known = [s for c in late if is_sure(c) for s in c.sensors]
-    late += [_Cause(d.sensors, d.gain, of_delay(d)) for d in vibration.find(views.vibration, known)]
+    late += [
+        _Cause(d.sensors, d.gain, of_delay(d))
+        for d in filter(is_right, vibration.find(views.vibration, known))
+    ]
     named = _most_probable(
         pairs, [c for c in single if is_sure(c)], [c for c in late if is_sure(c)]
     )
     accused = [s for t in named for s in t.sensors]
     named += [
         of_delay(d)
-        for d in synchrony.find(views.signals, accused)
+        for d in filter(is_right, synchrony.find(views.signals, accused))
         if d.p_value < synchrony.FALSE_ALARM
     ]
     slipped = [

@@ -78,8 +78,12 @@ class Pairs:
 
     def with_gain(self, sensor: str, gain: float) -> "Pairs":
         """A sensor and its neighbours, its rates divided by a gain."""
+        return self.with_rates(sensor, np.eye(3) / gain)
+
+    def with_rates(self, sensor: str, M: Array) -> "Pairs":
+        """A sensor and its neighbours, its rates those that a matrix (3, 3) makes of its readings."""
         around = {sensor, *(n for joint in self.joints if sensor in joint for n in joint)}
-        own = _divided(self.series, sensor, gain)
+        own = _by_matrix(self.series, sensor, M)
         windows = {(n, 0.0): self.windows(n) for n in around}
         (windows[sensor, 0.0],) = joint_windows.cut(own, (sensor,))
         return Pairs(self.series, self.geometry, self.q_BS, frozenset(around), _windows=windows)
@@ -233,15 +237,15 @@ class Pairs:
         return np.asarray(np.maximum(self.turning(a), self.turning(b)) > common_joint.TURNS)
 
 
-def _divided(series: Series, sensor: str, gain: float) -> Series:
-    """One sensor's series, its rates divided by a gain."""
+def _by_matrix(series: Series, sensor: str, M: Array) -> Series:
+    """One sensor's series, its rates by a matrix (3, 3)."""
     k = series.sensors.index(sensor)
-    only, by = slice(k, k + 1), 1.0 / gain
+    only = slice(k, k + 1)
     return replace(
         series,
         sensors=(sensor,),
-        gyr=series.gyr[:, only] * by,
-        change=series.change[:, only] * by,
+        gyr=series.gyr[:, only] @ M.T,
+        change=series.change[:, only] @ M.T,
         acc=series.acc[:, only],
         whole=series.whole[:, only],
     )

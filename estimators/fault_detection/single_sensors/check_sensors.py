@@ -349,7 +349,14 @@ def _suspicion(
         late or fault.code == "gyroscope_matrix" or np.abs(fault.matrix - np.eye(3)).max() < SMALL
     )
     message = Message(code, values, "warning" if small else "fault")
-    return Suspicion(message, sensors, (span,), p, correction if certain else None)
+    return Suspicion(
+        message,
+        sensors,
+        (span,),
+        p,
+        correction if certain else None,
+        None if late else fault.matrix,
+    )
 
 
 def _p_value(verdict: Verdict, sensors: int) -> float:

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from handscope.estimators.fault_detection.neighbours import delays, gains, paired_test
+from handscope.estimators.fault_detection.neighbours.common_joint import SKIN
 from handscope.estimators.fault_detection.neighbours.delays import Delay
 from handscope.estimators.fault_detection.neighbours.gains import Gain
 from handscope.estimators.fault_detection.neighbours.rates.common_rates import CommonRates, Joint
@@ -28,6 +29,9 @@ POSSIBLE = (
 )
 EXPLAINED = 4.0  # variances that joints leave at most where their cause is found
 FEW = 3  # windows
+BY_SKIN = (
+    2 * SKIN
+)  # of a gain: a sensor on skin that the joint before its segment pulls turns by so much more, or less, than the segment
 # of what intact hinges leave in the FEW-th worst window: of 834 simulated ones 0.20 and 0.56, of freely moved hands with twice the skin 2.7 at most
 MEDIAN, SPREAD = 0.4, 0.6
 
@@ -38,7 +42,9 @@ def find_gain(rates: CommonRates) -> Gain | None:
     suspects = [s for s in rates.pairs.series.sensors if any(s in j for j in odd) and s != "hand"]
     tried = [_best_gain(rates, s) for s in suspects]
     count = _count_of_gains(rates)
-    sure = [g for g in tried if g.p_value * count < gains.LEAST_SURE]
+    sure = [
+        g for g in tried if g.p_value * count < gains.LEAST_SURE and abs(g.gain - 1.0) > BY_SKIN
+    ]
     if not sure:
         return None
     best = max(sure, key=lambda g: g.evidence)
@@ -179,15 +185,26 @@ def find_unexplained(rates: CommonRates) -> Iterator[Unexplained]:
     """Hinges whose rates disagree in a few windows at least, more than those of intact sensors do."""
     for joint in rates.hinges if rates.explains else ():
         rest = rates.left(joint)
-        known = np.sort(rest[np.isfinite(rest)])
-        if len(known) < paired_test.FEWEST:
+        if np.count_nonzero(np.isfinite(rest)) < paired_test.FEWEST or _few(rest) <= ODD:
             continue
-        ratio = float(known[-FEW])
+        ratio = min(_few(rest), *(_few(rates.left(joint, 0.0, *by)) for by in _of_skin()))
         p = float(normal_sf(np.log(max(ratio, 1e-12) / MEDIAN) / SPREAD)) * len(rates.hinges)
         if ratio > ODD:
             yield Unexplained(
                 joint, ratio, min(1.0, p), *spans_of(rates.pairs, joint, rest, rest > ODD)
             )
+
+
+def _few(left: Array) -> float:
+    """What (K,) the FEW-th worst window leaves."""
+    return float(np.sort(left[np.isfinite(left)])[-FEW])
+
+
+def _of_skin() -> Iterator[tuple[float, float]]:
+    """Gains of parent and child that skin may make."""
+    for gain in (1.0 - BY_SKIN, 1.0 + BY_SKIN):
+        yield gain, 1.0
+        yield 1.0, gain
 
 
 def _odd_joints(rates: CommonRates) -> list[Joint]:
