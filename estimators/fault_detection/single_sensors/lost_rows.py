@@ -3,7 +3,7 @@
 In      a block of an inertial stream of three sensors or more
 Out     when rows were dropped, about how many seconds, and how probable such a jump is without a loss
 Source  peaks over a threshold have exponential tails (Pickands 1975, Ann Stat 3:119): tail of the recording's own steps; use ours
-Limits  what is lost while the hand rests is not seen, and costs nothing. A knock that all sensors feel comes back to where it began; a loss does not
+Limits  streams slower than LEAST_RATE are not asked; what is lost while the hand rests is not seen, and costs nothing. A knock that all sensors feel comes back to where it began; a loss does not
 """
 
 from collections.abc import Sequence
@@ -25,6 +25,7 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
 SENSORS = 3  # at least
+LEAST_RATE = 40.0  # Hz: four samples of the fastest that hands move, a tremor of 10 Hz; more slowly sampled, movement steps as a loss does
 FURTHEST = max(AROUND)  # rows from a jump whose steps it is measured by
 NEAR = 0.25  # s between peaks that are told apart
 LEAVE, TAIL = 4, 30  # largest peaks that may be losses, and peaks that tell the tail
@@ -86,6 +87,8 @@ def lost_rows(blocks: Sequence[Block]) -> list[Suspicion]:
 def losses_of(block: Block) -> list[Loss]:
     """Losses in one stream, in order of time."""
     if len(block.stream.sensors) < SENSORS or len(block.t) < 4 * FURTHEST:
+        return []
+    if float(np.median(np.diff(block.t))) > 1.0 / LEAST_RATE:
         return []
     jump = _jumps(block)
     peaks = _peaks(jump, max(1, round(NEAR / float(np.median(np.diff(block.t))))))

@@ -15,6 +15,7 @@ from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.simulation.magnetic_field import homogeneous
 from handscope.estimators.simulation.scenario import simulate
 from handscope.estimators.simulation.sensors import IDEAL, SensorErrors
+from tests.estimators.fault_detection.joint_recordings import freely_moved
 from tests.estimators.fault_detection.recordings import (
     by_matrix,
     frozen,
@@ -181,3 +182,10 @@ def test_a_magnetometer_with_a_wrong_sign_is_named():
 def test_nothing_recorded_is_nothing_wrong():
     assert check_sensors([]) == []
     assert check_sensors([replace(b, t=b.t[:1], values=b.values[:1]) for b in moved_freely()]) == []
+
+
+def test_movement_between_the_rows_of_a_slow_stream_is_no_loss():
+    """A person whose quick movements step, at 33 Hz, as a loss does at 100 Hz."""
+    blocks = freely_moved(110).blocks()
+    slow = [replace(b, t=b.t[::3], values=b.values[::3]) for b in blocks]
+    assert lost_rows(slow) == []
