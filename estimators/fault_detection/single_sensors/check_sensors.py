@@ -35,6 +35,7 @@ from handscope.estimators.fault_detection.single_sensors.common_fault import (
 from handscope.estimators.fault_detection.single_sensors.frozen_rows import (
     backward_times,
     frozen_stretches,
+    repeated_sensors,
 )
 from handscope.estimators.fault_detection.single_sensors.gravity_fit import likelihoods_of
 from handscope.estimators.fault_detection.single_sensors.gyroscope_check import (
@@ -83,6 +84,7 @@ CODES = (  # of all messages
     "sensor.gyroscope_gain_somewhere",
     f"sensor.{UNCLEAR}",
     "sensor.gyroscope_rests",
+    "sensors.identical",
     "sensor.magnetometer_axes",
 )
 DIFFERENT = 0.3  # of an element of the matrix, times how much that axis turned among the three, from which on corrections are not the same
@@ -122,6 +124,7 @@ def check_sensors(blocks: Sequence[Block], cells: Cells | None = None) -> list[S
         *backward,
         *frozen,
         *lost,
+        *repeated_sensors(whole),
         *sizes,
         *gyroscopes,
         *_magnetometers(cells, whole, gyroscopes),

@@ -1,11 +1,15 @@
-"""Times that run back, and stretches in which every sensor of a stream repeats its last reading: faults of the file or of the link.
+"""Times that run back, stretches in which every sensor of a stream repeats its last reading, and sensors that repeat another's readings: faults of the file or of the link.
 
 In      blocks, one a stream
 Out     suspicions with their spans
-Limits  a sensor without noise repeats its reading at rest: the share of repeated rows elsewhere says how unlikely a long run is
+Limits  a sensor without noise repeats its reading at rest: the share of repeated rows elsewhere says how unlikely a long run is. Readings without
+        noise may be another's: segments that turn together have one rate
 """
 
+import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +22,8 @@ SHORTEST = 0.1  # s of repeated rows that are worth a word
 CHANNELS = 3  # at least: the axes of one sensor
 SMOOTH = 0.1  # of the usual step: less is readings without noise that come to rest
 JUMP, FOLLOWING = 3.0, 5  # times the steps that follow: orientations behind a gap
+ROUNDED = 1e-9  # of the largest reading: less is rounding
+EVERY = 50  # rows, of which one is compared first
 MOST_FROZEN = 0.9  # of all rows; what stood still stands beside what moved
 
 
@@ -83,6 +89,70 @@ def backward_times(blocks: Sequence[Block]) -> list[Suspicion]:
             )
             found.append(Suspicion(message, block.stream.sensors, spans, 0.0))
     return found
+
+
+def repeated_sensors(blocks: Sequence[Block]) -> list[Suspicion]:
+    """Sensors that read the same as another in every sample, noise included: one of them stands for both.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+        One block a stream.
+
+    Returns
+    -------
+    list of Suspicion
+        One a pair, `sensors.identical`; certain.
+    """
+    found: list[Suspicion] = []
+    every = [_Readings(b, k, q) for b in blocks for k in _columns(b) for q in b.stream.quantities]
+    for one, other in itertools.combinations(every, 2):
+        pair = (one.sensor, other.sensor)
+        is_told = any(pair == s.sensors for s in found)
+        if pair[0] != pair[1] and not is_told and one.are(other):
+            message = Message("sensors.identical", {"first": pair[0], "second": pair[1]}, "fault")
+            span = (float(one.block.t[0]), float(one.block.t[-1]))
+            found.append(Suspicion(message, pair, (span,), 0.0))
+    return found
+
+
+@dataclass(frozen=True)
+class _Readings:
+    """What one sensor of a stream reads of a quantity."""
+
+    block: Block
+    column: int
+    quantity: str
+
+    @property
+    def sensor(self) -> str:
+        return self.block.stream.sensors[self.column]
+
+    @cached_property
+    def values(self) -> NDArray[np.float64]:
+        """(n, axes), 0 where they are missing."""
+        return np.nan_to_num(self.block.of(self.quantity)[:, self.column])
+
+    def are(self, other: "_Readings") -> bool:
+        """Whether they are the other's, and noisy."""
+        few = slice(None, None, EVERY)
+        return (
+            self.quantity == other.quantity
+            and np.array_equal(self.values[few], other.values[few])
+            and np.array_equal(self.values, other.values)
+            and _is_noisy(self.values)
+        )
+
+
+def _columns(block: Block) -> range:
+    return range(len(block.stream.sensors))
+
+
+def _is_noisy(values: NDArray[np.float64]) -> bool:
+    """Whether readings (n, axes) have noise of their own: then their fourth differences change sign from row to row more often than not."""
+    bends = np.diff(values, 4, axis=0)
+    bends = np.where(np.abs(bends) > ROUNDED * np.abs(values).max(initial=0.0), bends, 0.0)
+    return bool(np.mean(bends[1:] * bends[:-1] < 0.0) > 0.5) if len(bends) > 1 else False
 
 
 def _is_cut_off(block: Block, values: NDArray[np.float64], run: tuple[int, int]) -> bool:

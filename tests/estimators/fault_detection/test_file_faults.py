@@ -3,11 +3,15 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from handscope.estimators.data.samples import ACC, MAG, ORIENTATION, Block, Stream
+from handscope.estimators.data.samples import ACC, GYR, MAG, ORIENTATION, Block, Stream
 from handscope.estimators.fault_detection.single_sensors.accelerometer_check import negated_in_pose
 from handscope.estimators.fault_detection.single_sensors.check_sensors import check_sensors
-from handscope.estimators.fault_detection.single_sensors.frozen_rows import frozen_stretches
+from handscope.estimators.fault_detection.single_sensors.frozen_rows import (
+    frozen_stretches,
+    repeated_sensors,
+)
 from handscope.estimators.fault_detection.single_sensors.lost_rows import lost_rows
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.numerics import quaternions as quat
@@ -189,3 +193,23 @@ def test_movement_between_the_rows_of_a_slow_stream_is_no_loss():
     blocks = freely_moved(110).blocks()
     slow = [replace(b, t=b.t[::3], values=b.values[::3]) for b in blocks]
     assert lost_rows(slow) == []
+
+
+@pytest.mark.parametrize("quantity", [GYR, ACC])
+def test_a_sensor_whose_columns_are_read_for_two_segments_is_told(quantity):
+    def twice(block: Block) -> Block:
+        values, names = block.values.copy(), block.stream.sensors
+        to, of = names.index("index_middle"), names.index("index_distal")
+        axes = block.stream.axes(quantity)
+        values[:, to, axes] = values[:, of, axes]
+        return replace(block, values=values)
+
+    found = check_sensors([twice(b) for b in moved_freely()])
+    assert found[0].message.code == "sensors.identical"
+    assert found[0].sensors == ("index_middle", "index_distal")
+
+
+def test_segments_that_turn_together_without_noise_are_no_copies():
+    performed_by = ["rest", "tapping", "rest"]
+    ideal = simulate(performed_by, "left", sized("left"), np.random.default_rng(1), IDEAL)
+    assert repeated_sensors(list(ideal.blocks())) == []
