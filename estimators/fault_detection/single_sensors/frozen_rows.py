@@ -108,8 +108,8 @@ def repeated_sensors(blocks: Sequence[Block]) -> list[Suspicion]:
     every = [_Readings(b, k, q) for b in blocks for k in _columns(b) for q in b.stream.quantities]
     for one, other in itertools.combinations(every, 2):
         pair = (one.sensor, other.sensor)
-        is_told = any(pair == s.sensors for s in found)
-        if pair[0] != pair[1] and not is_told and one.are(other):
+        is_known = any(pair == s.sensors for s in found)
+        if pair[0] != pair[1] and not is_known and one.are(other):
             message = Message("sensors.identical", {"first": pair[0], "second": pair[1]}, "fault")
             span = (float(one.block.t[0]), float(one.block.t[-1]))
             found.append(Suspicion(message, pair, (span,), 0.0))
