@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from handscope.estimators.fault_detection.neighbours.joint_kernels import (
     UNKNOWNS,
@@ -25,6 +26,7 @@ from handscope.estimators.fault_detection.neighbours.joint_windows import (
     Windows,
     by_vector,
 )
+from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
 EXPECTED = (
@@ -39,6 +41,7 @@ CLEAR = (
     2.0  # times what skin makes of the fastest sensor's rate: from here on a segment moves itself
 )
 BETWEEN = 0.15  # rad, error of the rotation between two sensors within a window; ours
+HEADINGS = np.arange(-np.pi, np.pi, 0.25)  # rad
 ACC_SCALE = 0.02  # m/s^2 that scale errors of accelerometers make while gravity turns in them, as far as it goes with the movement; ours
 GRAVITY_OFF = 0.04  # m/s^2 a radian of turn: scale and cross-axis errors of 0.4 % of gravity; twice those of a calibrated MPU-9250
 SCALE_OFF = 0.04  # m/s^2 an axis: scales of two accelerometers 0.5 % off each, along gravity, which no bias takes away
@@ -102,12 +105,34 @@ class Couple:
 
     @cached_property
     def against(self) -> Array:
-        """Mean square (K,) of what an arm of 1 m adds by the first sensor and not by the second, 1/s^4."""
+        """Mean square (K,) of what an arm of 1 m adds by the first sensor and not by the second, 1/s^4; the least of all headings between them where their forces tell none."""
         R, _ = align(*self.sums, np.append(self.expected, np.zeros(6)))
-        half = self.first.turned.shape[1] // 2
-        between = np.swapaxes(self.first.turned[:, half], 1, 2) @ R @ self.second.turned[:, half]
-        off = self.first.arm - R[:, None] @ self.second.arm @ np.swapaxes(between, 1, 2)[:, None]
+        every = self._against(R, np.arange(len(R)))
+        up, unknown = self._without_heading()
+        turned = [
+            self._against(quat.matrix(quat.exp(angle * up[unknown])) @ R[unknown], unknown)
+            for angle in HEADINGS
+        ]
+        every[unknown] = np.array(turned).min(axis=0)
+        return every
+
+    def _against(self, R: Array, windows: NDArray[np.intp]) -> Array:
+        """That of some windows, with the rotation (k, 3, 3) of each that takes vectors of the second's frame to the first's."""
+        first, second = self.first.turned[windows], self.second.turned[windows]
+        half = first.shape[1] // 2
+        between = np.swapaxes(first[:, half], 1, 2) @ R @ second[:, half]
+        off = self.first.arm[windows] - (
+            R[:, None] @ self.second.arm[windows] @ np.swapaxes(between, 1, 2)[:, None]
+        )
         return np.asarray((off**2).mean(axis=(1, 2, 3)))
+
+    def _without_heading(self) -> tuple[Array, NDArray[np.intp]]:
+        """Direction (K, 3) of the mean acceleration of the expected place by the first sensor, and windows in which it changes so little that the rotation about it is not known."""
+        seen = self.first.force + self.first.arm @ self.expected[:3]
+        mean = seen.mean(axis=1)
+        up = mean / np.maximum(np.linalg.norm(mean, axis=1), 1e-9)[:, None]
+        across = seen - (seen @ up[:, :, None]) * up[:, None]
+        return up, np.flatnonzero((across**2).mean(axis=(1, 2)) * BETWEEN**2 < self.noise)
 
     @property
     def count(self) -> float:

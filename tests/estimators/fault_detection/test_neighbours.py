@@ -10,8 +10,10 @@ from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.neighbours import check_neighbours as neighbours
 from handscope.estimators.hand.anatomy import CHAINS, Hand
 from handscope.estimators.hand.geometry import HandGeometry, sized
+from handscope.estimators.recording_checks.check import suspicions_of
 from handscope.estimators.simulation.scenario import simulate
 from handscope.estimators.simulation.sensors import SensorErrors
+from handscope.validation.studies import crosschecks
 from tests.estimators.fault_detection.joint_recordings import (
     amplified,
     delayed,
@@ -197,3 +199,9 @@ def test_nothing_and_one_sensor_are_no_error() -> None:
     block = intact()[0]
     one = Block(replace(block.stream, sensors=("hand",)), block.t, block.values[:, :1])
     assert told([one]) == []
+
+
+@pytest.mark.parametrize("person", [10301, 12328])
+def test_a_forearm_that_turns_about_a_finger_tells_no_length_of_its_bones(person: int) -> None:
+    """Its joints stay where they are: gravity alone, which tells no heading."""
+    assert suspicions_of(crosschecks.recorded("forearm turned", person).declared()) == []
