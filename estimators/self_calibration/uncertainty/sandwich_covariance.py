@@ -24,6 +24,7 @@ from handscope.estimators.self_calibration.problem import (
 from handscope.estimators.self_calibration.residuals import Terms
 from handscope.estimators.self_calibration.whole_hand import normal_equations as hand_equations
 from handscope.estimators.self_calibration.whole_hand import problem as whole_hand_problem
+from handscope.estimators.self_calibration.whole_hand import residuals as hand_residuals
 from handscope.estimators.self_calibration.whole_hand.normal_equations import HandFactor, HandNormal
 from handscope.estimators.self_calibration.whole_hand.problem import HandPlace, HandProblem
 
@@ -81,7 +82,7 @@ def hand_pulls(
 
     def terms(first: int, last: int) -> Iterator[Placed]:
         for k, (rows, cols) in enumerate(zip(where.sample, where.parameters)):
-            for own in hand_equations.terms_of(problem, at, k, first, last):
+            for own in hand_residuals.terms_of(problem, at, k, first, last):
                 yield own, rows, cols[own.cols]
         r, none = (at.error / sd)[first:last], np.empty(0, np.intp)
         error = Terms(

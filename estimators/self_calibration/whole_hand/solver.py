@@ -30,6 +30,7 @@ from handscope.estimators.self_calibration.uncertainty import (
 )
 from handscope.estimators.self_calibration.whole_hand import normal_equations as hand_equations
 from handscope.estimators.self_calibration.whole_hand import problem as whole_hand_problem
+from handscope.estimators.self_calibration.whole_hand import residuals as hand_residuals
 from handscope.estimators.self_calibration.whole_hand.normal_equations import HandFactor, HandNormal
 from handscope.estimators.self_calibration.whole_hand.problem import HandPlace, HandProblem
 
@@ -65,7 +66,7 @@ def solve(
     last: list[_Factored] = []
     result = levenberg_marquardt(
         ProblemOps(
-            whole_hand_problem.with_hand_flexion, hand_equations.cost, partial(_linearise, last)
+            whole_hand_problem.with_hand_flexion, hand_residuals.cost, partial(_linearise, last)
         ),
         problem,
         start,
@@ -108,14 +109,14 @@ def _corrected_covariance(
         np.zeros(where.count),
     )
     before[where.skin, where.skin] = np.diag(
-        1 / hand_equations.hand_tissue_priors(problem, at)[1] ** 2
+        1 / hand_residuals.hand_tissue_priors(problem, at)[1] ** 2
     )
     arms = []
     for k, (limb, place, one, together) in enumerate(
         zip(problem.limbs, at.limbs, alone, where.parameters)
     ):
         cols = together[: parameter_columns(limb.chain).count]
-        slopes = hand_equations.limb_priors(limb, place, shares=k == 0)[1]
+        slopes = hand_residuals.limb_priors(limb, place, shares=k == 0)[1]
         spurious[np.ix_(cols, cols)] += one.spurious_information
         before[np.ix_(cols, cols)] += slopes.T @ slopes
         variances[cols] = parameter_covariance.bias_walk_variance(limb)

@@ -18,6 +18,7 @@ from handscope.estimators.self_calibration.result import Finger
 from handscope.estimators.self_calibration.solver import Solution
 from handscope.estimators.self_calibration.uncertainty import sandwich_covariance
 from handscope.estimators.self_calibration.whole_hand import normal_equations as hand_equations
+from handscope.estimators.self_calibration.whole_hand import residuals as hand_residuals
 from tests.estimators.self_calibration.whole_hand.test_normal_equations import _somewhere
 
 
@@ -30,10 +31,10 @@ def test_the_groups_together_pull_as_the_whole_does(monkeypatch: pytest.MonkeyPa
     factor = hand_equations.factorise(normal)
     pulls = sandwich_covariance.hand_pulls(problem, at, normal, factor)
     before = np.zeros(normal.layout.count)
-    off, sd = hand_equations.hand_tissue_priors(problem, at)
+    off, sd = hand_residuals.hand_tissue_priors(problem, at)
     before[normal.layout.skin] = off / sd
     for k, (limb, place, cols) in enumerate(zip(problem.limbs, at.limbs, normal.layout.parameters)):
-        r, slopes = hand_equations.limb_priors(limb, place, shares=k == 0)
+        r, slopes = hand_residuals.limb_priors(limb, place, shares=k == 0)
         before[cols[: slopes.shape[1]]] += slopes.T @ r
     assert len(pulls) == -(-len(problem) // 2)
     np.testing.assert_allclose(

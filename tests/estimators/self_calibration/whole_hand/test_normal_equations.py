@@ -18,6 +18,7 @@ from handscope.estimators.self_calibration.problem import (
 )
 from handscope.estimators.self_calibration.whole_hand import normal_equations
 from handscope.estimators.self_calibration.whole_hand import problem as whole_hand_problem
+from handscope.estimators.self_calibration.whole_hand import residuals as hand_residuals
 from handscope.estimators.self_calibration.whole_hand.problem import HandPlace, HandProblem
 
 SAMPLES = 5
@@ -87,11 +88,11 @@ def _whole(problem: HandProblem, at: HandPlace) -> Array:
     """All residuals in a row (m,)."""
     parts = [
         (at.error / whole_hand_problem.error_sd(problem)[:, None]).ravel(),
-        normal_equations.hand_tissue_priors(problem, at)[0],
+        hand_residuals.hand_tissue_priors(problem, at)[0],
     ]
     for k, (limb, place) in enumerate(zip(problem.limbs, at.limbs)):
-        parts += [terms.r.ravel() for terms in normal_equations.terms_of(problem, at, k)]
-        parts.append(normal_equations.limb_priors(limb, place, shares=k == 0)[0])
+        parts += [terms.r.ravel() for terms in hand_residuals.terms_of(problem, at, k)]
+        parts.append(hand_residuals.limb_priors(limb, place, shares=k == 0)[0])
     return np.concatenate(parts)
 
 
