@@ -41,7 +41,6 @@ from handscope.estimators.methods.map_result import (
 )
 from handscope.estimators.numerics import parallel
 from handscope.estimators.numerics.native_libraries import (
-    large_arrays_given_back,
     single_threaded_blas,
 )
 from handscope.estimators.numerics.typing import Array
@@ -88,7 +87,6 @@ LEAST_SAMPLES = 1000  # that are kept of a stretch of as many
 SHARE = 0.6  # of the time, for which fingers are solved one by one
 
 
-@large_arrays_given_back()
 @single_threaded_blas()
 def solve(
     params: Params, recording: Recording, progress: Callable[[float], None] = lambda share: None
@@ -267,7 +265,9 @@ def _calibrate_limb(
         limb.name,
         t,
         found,
-        posterior.draw_places(found.problem, found.at, found.factor, DRAWS),
+        posterior.draw_places(
+            found.problem, found.at, found.factor, DRAWS, monte_carlo.kept_samples(len(t))
+        ),
     )
     self_calibration_messages.require_possible(described)
     return replace(
@@ -303,7 +303,8 @@ def _together(
         return alone, [ALONE, str(late)]
     if found.outcome != "converged":
         return alone, [ALONE]
-    drawn = zip(*whole_hand_solver.draw_places(found, DRAWS))
+    samples = monte_carlo.kept_samples(len(found.problem))
+    drawn = zip(*whole_hand_solver.draw_places(found, DRAWS, samples))
     return [
         _describe(
             params, recording, f.name, f.t, replace(limb, outliers=f.solution.outliers), draws

@@ -25,7 +25,7 @@ from handscope.estimators.self_calibration.residuals import Terms
 from handscope.estimators.self_calibration.whole_hand import normal_equations as hand_equations
 from handscope.estimators.self_calibration.whole_hand import problem as whole_hand_problem
 from handscope.estimators.self_calibration.whole_hand import residuals as hand_residuals
-from handscope.estimators.self_calibration.whole_hand.normal_equations import HandFactor, HandNormal
+from handscope.estimators.self_calibration.whole_hand.normal_equations import HandFactor
 from handscope.estimators.self_calibration.whole_hand.problem import HandPlace, HandProblem
 
 TOGETHER = 0.5  # s of a group: such errors last for about 0.2 s, as long as a finger bends in one direction
@@ -74,11 +74,9 @@ def limb_pulls(problem: Problem, at: Unknowns, factor: Factor) -> Array:
     )
 
 
-def hand_pulls(
-    problem: HandProblem, at: HandPlace, normal: HandNormal, factor: HandFactor
-) -> Array:
+def hand_pulls(problem: HandProblem, at: HandPlace, factor: HandFactor) -> Array:
     """The same of the whole hand."""
-    where, sd = normal.layout, normal.error_sd[:, None]
+    where, sd = factor.layout, whole_hand_problem.error_sd(problem)[:, None]
 
     def terms(first: int, last: int) -> Iterator[Placed]:
         for k, (rows, cols) in enumerate(zip(where.sample, where.parameters)):
@@ -99,7 +97,7 @@ def hand_pulls(
         (len(problem), where.each, where.count),
         problem.limbs[0].dt,
         terms,
-        partial(hand_equations.project_groups, normal, factor),
+        partial(hand_equations.project_groups, factor),
     )
 
 
