@@ -326,15 +326,21 @@ def _check_convergence(solution: Solution) -> Solution:
     sure = parameter_covariance.correct_covariance(
         solution.problem, solution.at, solution.factor, spurious
     ).covariance
-    step = normal_equations.solve_step(
-        build_normal_equations(solution.problem, solution.at)[0], solution.factor
-    ).parameters
+    step = normal_equations.solve_step(_gradient(solution), solution.factor).parameters
     return replace(
         solution,
         outcome="converged"
         if (np.abs(step) < SMALL * np.sqrt(np.diag(sure))).all()
         else solution.outcome,
     )
+
+
+def _gradient(solution: Solution) -> normal_equations.Normal:
+    """The normal equations with the gradient there, for a step with the factor that is known."""
+    L, Y, covariance = solution.factor.L, solution.factor.Y, solution.factor.covariance
+    blank = normal_equations.Normal(L, Y, covariance, np.zeros(Y.shape[:2]), np.zeros(Y.shape[2]))
+    priors = residuals.prior_residuals(solution.problem, solution.at)
+    return normal_equations.with_gradient(blank, _terms(solution.problem, solution.at), priors)[0]
 
 
 def reweight_priors(problem: Problem, at: Unknowns) -> Problem:
