@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from handscope.estimators.alignment import (
+    accelerometer_bias,
     functional_calibration,
     functional_movements,
     initial_pose,
@@ -35,6 +36,7 @@ def with_known(pose: Calibration, known: PriorCalibration) -> Calibration:
         raise InputError("processing.calibration_of_other_hand", one=known.hand, other=pose.hand)
     if pose.source is CalibrationSource.NONE:
         raise InputError("processing.pose_needed", without_pose=WITHOUT_POSE)
+    pose = accelerometer_bias.correct_pose(pose, known.acc_bias)
     mounting = {s: q for s, q in known.q_BS.items() if s in pose.q_BS}
     mounted = (
         functional_calibration.apply_mounting(pose, {"hand": pose.q_BS["hand"]} | mounting)
