@@ -33,7 +33,7 @@ def subtract(block: Block, biases: Mapping[str, Array]) -> Block:
 
 
 def correct_pose(pose: Calibration, biases: Mapping[str, Array]) -> Calibration:
-    """The pose with these biases taken off in what follows: sensors stand as gravity alone shows them, segments as the pose had them."""
+    """The pose of sensors without biases, which the method is to subtract: they stand as gravity alone shows them, segments as the pose had them."""
     q_GS, q_BS = dict(pose.q_GS), dict(pose.q_BS)
     for s in biases.keys() & q_GS.keys() & q_BS.keys():
         read = GRAVITY * quat.rotate(quat.conjugate(q_GS[s]), UP)

@@ -112,7 +112,7 @@ class Calibration:
 
     # (3,) m, where a sensor sits in its segment's frame, where the method finds it
     p_BS: Mapping[str, Array] = field(default_factory=dict)
-    # (3,) m/s^2, where the method finds it, or an earlier one found it: methods take it off
+    # (3,) m/s^2, where the method finds it, or an earlier one found it: `ekf` subtracts it
     acc_bias: Mapping[str, Array] = field(default_factory=dict)
     # m, of the geometry's lengths that the method found
     lengths_sd: Mapping[str, float] = field(default_factory=dict)

@@ -53,7 +53,11 @@ from handscope.estimators.sensors import magnetometer_resampling
 
 TITLE = phrase("method_title.ekf")
 CAPABILITIES = Capabilities(
-    needs_pose=True, gives_covariance=True, notices_mounting_changes=True, uses_contacts=True
+    needs_pose=True,
+    gives_covariance=True,
+    notices_mounting_changes=True,
+    uses_contacts=True,
+    subtracts_acc_bias=True,
 )
 LOST, _FOREARM, _HAND = np.uint8(Flag.HEADING_LOST), SEGMENT["forearm"], SEGMENT["hand"]
 

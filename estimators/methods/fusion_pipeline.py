@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from handscope.estimators.alignment import accelerometer_bias, functional_movements
+from handscope.estimators.alignment import functional_movements
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.options import option
 from handscope.estimators.data.samples import ORIENTATION, Block, Stream
@@ -86,12 +86,11 @@ def start(params: Params, calibration: Calibration, streams: tuple[Stream, ...])
 def step(params: Params, state: State, *blocks: Block) -> tuple[State, Trajectory]:
     """Advance by blocks of any length, 0 included, of any streams; those of streams that the method
     does not use change nothing."""
-    sound = [accelerometer_bias.subtract(b, state.calibration.acc_bias) for b in blocks]
     if state.magnetic is None:
-        return _fuse(params, state, [b for b in sound if b.stream.inertial])
-    raw = (b for b in sound if not _is_given(b.stream))
+        return _fuse(params, state, [b for b in blocks if b.stream.inertial])
+    raw = (b for b in blocks if not _is_given(b.stream))
     magnetic, complete = magnetometer_resampling.step(state.magnetic, *raw)
-    given = (b for b in sound if _is_given(b.stream) and b.stream.inertial)
+    given = (b for b in blocks if _is_given(b.stream) and b.stream.inertial)
     return _fuse(params, replace(state, magnetic=magnetic), [*given, *complete])
 
 
