@@ -165,7 +165,8 @@ class Tracking:
                 self.params, self.movements, calibration, self.mounting
             )
         if self.prior is not None:
-            calibration = with_known(calibration, self.prior)
+            subtracts = self.method.CAPABILITIES.subtracts_acc_bias
+            calibration = with_known(calibration, self.prior, subtracts)
         if isinstance(self.params, GivenParams):
             (calibration,), whose = rate_orientations(self.params, [calibration])
             calibration = replace(calibration, warnings=(*calibration.warnings, *whose))

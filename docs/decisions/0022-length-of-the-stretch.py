@@ -1,4 +1,4 @@
-"""What one pass of self-calibration takes by the length of the stretch: normal equations, their factor and the pulls, of five fingers and of the whole hand, at 25 Hz, about the first guess.
+"""What one pass of self-calibration takes by the length of the stretch: the pulls of five fingers, the factor of the whole hand, its step and its pulls, at 25 Hz, about the first guess.
 
 python docs/decisions/0022-length-of-the-stretch.py SECONDS
 """
@@ -39,7 +39,7 @@ def main(seconds: float) -> None:
         made = free_movement.record_trial(rng, SensorErrors(), "left", hand, hand, duration=length)
         limbs = [_guess(made, ("hand", *links), length) for links in CHAINS.values()]
         spent = [_limbs(limbs), *_hand(limbs)]
-    named = zip(("pulls of the fingers", "equations of the hand", "its factor", "its pulls"), spent)
+    named = zip(("pulls of the fingers", "factor of the hand", "its step", "its pulls"), spent)
     words = ", ".join(f"{name} {value:.2f} s" for name, value in named)
     sys.stdout.write(f"{seconds:g} s: {words}\n")
 
@@ -67,11 +67,10 @@ def _limbs(limbs: Sequence[Solution]) -> float:
 def _hand(limbs: Sequence[Solution]) -> list[float]:
     whole = problem.gather_limbs([f.problem for f in limbs], Noise())
     at = problem.merge_places([f.at for f in limbs])
-    normal, building = _timed(lambda: normal_equations.build_normal_equations(whole, at))
-    factor, factoring = _timed(lambda: normal_equations.factorise(normal))
-    normal = normal_equations.without_band(normal)
-    pulls = _timed(lambda: sandwich_covariance.hand_pulls(whole, at, normal, factor))[1]
-    return [building, factoring, pulls]
+    factor, factoring = _timed(lambda: normal_equations.factorise(whole, at))
+    back = _timed(lambda: normal_equations.solve_step(factor))[1]
+    pulls = _timed(lambda: sandwich_covariance.hand_pulls(whole, at, factor))[1]
+    return [factoring, back, pulls]
 
 
 def _timed(work: Callable[[], A]) -> tuple[A, float]:

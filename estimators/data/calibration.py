@@ -70,10 +70,11 @@ class PriorCalibration:
     lengths: Mapping[str, float]  # m, segment lengths found from movement
     q_BS_sd: Mapping[str, Array]  # (3,) rad about the segment's x, y, z, of q_BS
     lengths_sd: Mapping[str, float]  # m, of lengths
+    acc_bias: Mapping[str, Array] = field(default_factory=dict)  # (3,) m/s^2
 
     def of_hand(self) -> "PriorCalibration":
         """What is the hand's alone, and holds whatever glove is worn: its lengths."""
-        return replace(self, q_BS={}, q_BS_sd={}, gyr_bias={})
+        return replace(self, q_BS={}, q_BS_sd={}, gyr_bias={}, acc_bias={})
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,7 @@ class Calibration:
 
     # (3,) m, where a sensor sits in its segment's frame, where the method finds it
     p_BS: Mapping[str, Array] = field(default_factory=dict)
-    # (3,) m/s^2, where the method finds it
+    # (3,) m/s^2, where the method finds it, or an earlier one found it: `ekf` subtracts it
     acc_bias: Mapping[str, Array] = field(default_factory=dict)
     # m, of the geometry's lengths that the method found
     lengths_sd: Mapping[str, float] = field(default_factory=dict)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from handscope.estimators.alignment import functional_movements
+from handscope.estimators.alignment import accelerometer_bias, functional_movements
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.contact_constraint import ContactParams
 from handscope.estimators.data.held_contact import ContactOutcome
@@ -53,7 +53,11 @@ from handscope.estimators.sensors import magnetometer_resampling
 
 TITLE = phrase("method_title.ekf")
 CAPABILITIES = Capabilities(
-    needs_pose=True, gives_covariance=True, notices_mounting_changes=True, uses_contacts=True
+    needs_pose=True,
+    gives_covariance=True,
+    notices_mounting_changes=True,
+    uses_contacts=True,
+    subtracts_acc_bias=True,
 )
 LOST, _FOREARM, _HAND = np.uint8(Flag.HEADING_LOST), SEGMENT["forearm"], SEGMENT["hand"]
 
@@ -210,9 +214,10 @@ def _start_fusion(calibration: Calibration, stream: Stream) -> orientation_fusio
 def step(params: Params, state: State, *blocks: Block) -> tuple[State, Trajectory]:
     """Advance by blocks of any length, 0 included, of any streams; those of streams that the method
     does not use change nothing."""
+    sound = [accelerometer_bias.subtract(b, state.calibration.acc_bias) for b in blocks]
     if state.magnetic is None:
-        return _fuse(params, state, [b for b in blocks if b.stream.inertial])
-    magnetic, ready = magnetometer_resampling.step(state.magnetic, *blocks)
+        return _fuse(params, state, [b for b in sound if b.stream.inertial])
+    magnetic, ready = magnetometer_resampling.step(state.magnetic, *sound)
     return _fuse(params, replace(state, magnetic=magnetic), ready)
 
 

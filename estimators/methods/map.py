@@ -40,10 +40,7 @@ from handscope.estimators.methods.map_result import (
     with_solution,
 )
 from handscope.estimators.numerics import parallel
-from handscope.estimators.numerics.native_libraries import (
-    large_arrays_given_back,
-    single_threaded_blas,
-)
+from handscope.estimators.numerics.native_libraries import single_threaded_blas
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.contacts import contact_messages
 from handscope.estimators.pipeline.method import Capabilities
@@ -85,10 +82,10 @@ TOGETHER = Limits(iterations=25, least_gain=0.25, chord=0.01)
 RIGID = 1e-3  # share of the soft-tissue artefact that is negligible
 SAMPLES_A_PERIOD = 10.0  # of the fastest movement, at least
 LEAST_SAMPLES = 1000  # that are kept of a stretch of as many
+TWO_AT_ONCE = 4000  # samples of a limb up to which two are solved at once: each takes 25 kB
 SHARE = 0.6  # of the time, for which fingers are solved one by one
 
 
-@large_arrays_given_back()
 @single_threaded_blas()
 def solve(
     params: Params, recording: Recording, progress: Callable[[float], None] = lambda share: None
@@ -198,12 +195,14 @@ def _calibrate_limbs(
 ) -> list[Finger | InputError]:
     """Every limb for itself, all with the same samples: those that the movement needs, or all where that is not enough."""
     every = _kept_samples(params, limbs)
+    longest = max((len(limb.t) for limb in limbs), default=0)
 
     def solve_each(every: int) -> list[Finger | InputError | None]:
         return parallel.run_each(
             lambda limb, done: _calibrate_limb(params, recording, limb, every, done),
             limbs,
             progress,
+            1 if longest // every > TWO_AT_ONCE else parallel.THREADS,
         )
 
     alone = solve_each(every)
@@ -260,22 +259,18 @@ def _calibrate_limb(
     )
     if every > 1 and (found.outcome == "not converged" or found.outliers):
         return None
+    samples = monte_carlo.kept_samples(len(t))
+    drawn = (
+        [*posterior.draw_places(found.problem, found.at, found.factor, DRAWS, samples)]
+        if found.outcome == "converged"
+        else []
+    )
+    # before halves of it are solved: its factor is most of what is in memory
+    found = replace(found, factor=normal_equations.keep_covariance_only(found.factor.covariance))
     self_calibration_messages.require_one_minimum(params, limb.name, read, found, float(t[0]))
-    described = _describe(
-        params,
-        recording,
-        limb.name,
-        t,
-        found,
-        posterior.draw_places(found.problem, found.at, found.factor, DRAWS),
-    )
+    described = _describe(params, recording, limb.name, t, found, drawn)
     self_calibration_messages.require_possible(described)
-    return replace(
-        described,
-        solution=replace(
-            found, factor=normal_equations.keep_covariance_only(found.factor.covariance)
-        ),
-    )
+    return described
 
 
 def _together(
@@ -303,7 +298,8 @@ def _together(
         return alone, [ALONE, str(late)]
     if found.outcome != "converged":
         return alone, [ALONE]
-    drawn = zip(*whole_hand_solver.draw_places(found, DRAWS))
+    samples = monte_carlo.kept_samples(len(found.problem))
+    drawn = zip(*whole_hand_solver.draw_places(found, DRAWS, samples))
     return [
         _describe(
             params, recording, f.name, f.t, replace(limb, outliers=f.solution.outliers), draws

@@ -40,6 +40,7 @@ def run_each(
     work: Callable[[A, Callable[[float], None]], B],
     pieces: Sequence[A],
     progress: Callable[[float], None],
+    threads: int = THREADS,
 ) -> list[B | InputError]:
     """What work made of every piece, or why it refused it. `progress` hears the share of all that
     is done, in the caller's thread.
@@ -60,7 +61,7 @@ def run_each(
         shares[k] = 1.0
         return value
 
-    with ThreadPoolExecutor(THREADS) as pool:
+    with ThreadPoolExecutor(threads) as pool:
         going = [pool.submit(worked, k) for k in range(len(pieces))]
         try:
             while wait(going, timeout=LOOK).not_done:

@@ -28,6 +28,8 @@ class Capabilities:
     notices_mounting_changes: bool = False  # it finds sensors that turn on their segments
     # contacts of fingertips that are held for calibration tell it something
     uses_contacts: bool = False
+    # accelerometers' biases that a calibration has are taken off the samples
+    subtracts_acc_bias: bool = False
 
 
 WORDS: Mapping[str, str] = {  # of each capability, for lists of methods

@@ -185,7 +185,9 @@ def _estimate(
     assert steps_through(method)
     calibrations, warnings = _calibrations(method, params, recording, calibration_recording)
     if known is not None:
-        calibrations = [with_known(c, known) for c in calibrations]
+        calibrations = [
+            with_known(c, known, method.CAPABILITIES.subtracts_acc_bias) for c in calibrations
+        ]
     if isinstance(params, GivenParams):
         calibrations, fused_elsewhere = rate_orientations(params, calibrations)
         warnings = [*warnings, *fused_elsewhere]

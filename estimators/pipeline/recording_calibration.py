@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from handscope.estimators.alignment import (
+    accelerometer_bias,
     functional_calibration,
     functional_movements,
     initial_pose,
@@ -29,12 +30,19 @@ WITHOUT_POSE = phrase("processing.without_pose")
 BEGINNING = 3.0  # s of samples that tell a rate where there is no pose
 
 
-def with_known(pose: Calibration, known: PriorCalibration) -> Calibration:
-    """The pose of a hand whose lengths, or also mountings, are known from before; the pose gives the rest. InputError for another hand."""
+def with_known(
+    pose: Calibration, known: PriorCalibration, subtracts_acc_bias: bool = False
+) -> Calibration:
+    """The pose of a hand whose lengths, or also mountings, are known from before; the pose gives the rest. InputError for another hand.
+
+    `subtracts_acc_bias`: the method takes known biases off its samples, so they are taken off the pose, too.
+    """
     if pose.hand != known.hand:
         raise InputError("processing.calibration_of_other_hand", one=known.hand, other=pose.hand)
     if pose.source is CalibrationSource.NONE:
         raise InputError("processing.pose_needed", without_pose=WITHOUT_POSE)
+    if subtracts_acc_bias:
+        pose = accelerometer_bias.correct_pose(pose, known.acc_bias)
     mounting = {s: q for s, q in known.q_BS.items() if s in pose.q_BS}
     mounted = (
         functional_calibration.apply_mounting(pose, {"hand": pose.q_BS["hand"]} | mounting)

@@ -13,7 +13,7 @@ import numpy as np
 
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.self_calibration import initialisation as self_calibration_initialisation
-from handscope.estimators.self_calibration import solver
+from handscope.estimators.self_calibration import normal_equations, solver
 from handscope.estimators.self_calibration.problem import (
     Noise,
     Problem,
@@ -102,12 +102,8 @@ def _solve_from_scratch(whole: Problem, read: Readings, first: int, stop: int) -
 def _solve_with_covariance(part: Problem, start: Unknowns, limits: Limits) -> Solution:
     half = solver.solve(part, start, limits)
     spurious = parameter_covariance.spurious_information(half.problem, half.at, half.factor)
-    return replace(
-        half,
-        factor=parameter_covariance.correct_covariance(
-            half.problem, half.at, half.factor, spurious
-        ),
-    )
+    sure = parameter_covariance.correct_covariance(half.problem, half.at, half.factor, spurious)
+    return replace(half, factor=normal_equations.keep_covariance_only(sure.covariance))
 
 
 def _joint_shifts(

@@ -61,8 +61,8 @@ def empty(samples: int, each: int, parameters: int, spare: Factor | None = None)
     return Normal(A, B, np.zeros((p, p)), np.zeros((n, e)), np.zeros(p))
 
 
-def add_terms(normal: Normal, terms: Terms) -> None:
-    """Add residuals, in place."""
+def add_terms(normal: Normal, terms: Terms, own: slice = slice(None)) -> None:
+    """Add residuals, in place; to C and c only those of their `own` samples."""
     if not len(terms.r):
         return
     _gather(
@@ -77,9 +77,9 @@ def add_terms(normal: Normal, terms: Terms) -> None:
         normal.a,
     )
     if len(terms.cols):
-        flat = terms.by_parameters.reshape(-1, len(terms.cols))
+        flat = terms.by_parameters[own].reshape(-1, len(terms.cols))
         normal.C[np.ix_(terms.cols, terms.cols)] += flat.T @ flat
-        normal.c[terms.cols] += flat.T @ terms.r.ravel()
+        normal.c[terms.cols] += flat.T @ terms.r[own].ravel()
 
 
 def add_everything(normal: Normal, terms: Iterable[Terms], priors: tuple[Array, Array]) -> float:

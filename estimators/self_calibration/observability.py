@@ -36,8 +36,8 @@ from handscope.estimators.self_calibration.problem import (
 from handscope.estimators.self_calibration.residuals import NUMEROV, Terms
 from handscope.estimators.self_calibration.result import Requirements
 from handscope.estimators.self_calibration.uncertainty import parameter_covariance, posterior
-from handscope.estimators.self_calibration.whole_hand import normal_equations as hand_equations
 from handscope.estimators.self_calibration.whole_hand import problem as whole_hand_problem
+from handscope.estimators.self_calibration.whole_hand import residuals as hand_residuals
 from handscope.estimators.self_calibration.whole_hand.problem import HandPlace
 
 # per cent of the angles between which a joint's excursion lies, as of self-calibration
@@ -245,7 +245,7 @@ def _add_hand_soft_tissue(problem: Problem, at: Unknowns, terms: Terms) -> Terms
         (at,), np.zeros((len(problem), 3)), np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1)
     )
     samples = first + np.arange(T)[:, None] + np.arange(-1, 2)
-    by_skin = hand_equations.tissue_acceleration(problem, at, rigid, problem.bent[:, [k]], samples)[
+    by_skin = hand_residuals.tissue_acceleration(problem, at, rigid, problem.bent[:, [k]], samples)[
         2
     ][..., :HANDS]
     seen = residuals.whitening_matrix(problem, first, first + T)[:, :, k] / residuals.common_scale(

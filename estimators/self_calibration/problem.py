@@ -438,6 +438,11 @@ def with_flexion(problem: Problem, at: Unknowns) -> Problem:
     return replace(problem, bent=found, by_tilt=by_tilt, tilt=at.tilt)
 
 
+def flexion_at(problem: Problem, samples: Indices) -> Problem:
+    """The problem with the flexion of joints at some samples."""
+    return replace(problem, bent=problem.bent[samples], by_tilt=problem.by_tilt[samples])
+
+
 def _flexion_angle(z: Array, before: Array, behind: Array) -> Array:
     """How far the second direction is turned from the first about a third, all (n, 3): (n,) rad."""
     side = np.einsum("ni,ni->n", z, quat.cross(before, behind))

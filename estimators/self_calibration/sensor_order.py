@@ -25,7 +25,7 @@ def find_sensor_order(
     speed = np.linalg.norm(readings.gyr, axis=2).mean(axis=0)
     if S < 3 or list(chain.parents) != list(range(S - 1)) or (np.diff(speed) > 0).all():
         return ()
-    q_GS, residual = self_calibration_initialisation.fuse_sensors(readings)[0], np.zeros((S, S))
+    q_GS, residual = self_calibration_initialisation.fuse_sensors(readings), np.zeros((S, S))
     for i, j in itertools.combinations(range(S), 2):
         residual[i, j] = residual[j, i] = np.log(
             self_calibration_initialisation.fit_joint(noise, readings, q_GS, i, j, flexing)[0]

@@ -80,8 +80,8 @@ class Linearised(Generic[P, X]):
     damped: Callable[
         [float], X
     ]  # the unknowns after a step with some damping; LinAlgError where the equations are singular
-    # of other unknowns: their cost, and the unknowns after a step with the last factor of these
-    chord: Callable[[P, X], tuple[float, X]]
+    # of other unknowns: their cost, and the unknowns after a step with the last factor of these; None where that is no cheaper
+    chord: Callable[[P, X], tuple[float, X]] | None = None
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ def levenberg_marquardt(
     for k in range(limits.iterations):
         if renewing:
             problem = ops.update_flexion(problem, at)
-        if known is not None:
+        if known is not None and known.chord is not None:
             costs[-1], there = known.chord(problem, at)
             reached = ops.cost(problem, there)
             if gain < SETTLED * limits.least_gain and abs(reached - costs[-1]) < limits.least_gain:
@@ -208,7 +208,7 @@ def levenberg_marquardt(
         if gain < limits.least_gain * (SLOW if is_slow else 1.0):
             outcome = "converged"
             break
-        if is_slow or damping > FREE or gain > limits.chord * reached:
+        if known.chord is None or is_slow or damping > FREE or gain > limits.chord * reached:
             known = None
         damping *= 0.1
         if not go_on(k + 1, reached):
@@ -326,15 +326,21 @@ def _check_convergence(solution: Solution) -> Solution:
     sure = parameter_covariance.correct_covariance(
         solution.problem, solution.at, solution.factor, spurious
     ).covariance
-    step = normal_equations.solve_step(
-        build_normal_equations(solution.problem, solution.at)[0], solution.factor
-    ).parameters
+    step = normal_equations.solve_step(_gradient(solution), solution.factor).parameters
     return replace(
         solution,
         outcome="converged"
         if (np.abs(step) < SMALL * np.sqrt(np.diag(sure))).all()
         else solution.outcome,
     )
+
+
+def _gradient(solution: Solution) -> normal_equations.Normal:
+    """The normal equations with the gradient there, for a step with the factor that is known."""
+    L, Y, covariance = solution.factor.L, solution.factor.Y, solution.factor.covariance
+    blank = normal_equations.Normal(L, Y, covariance, np.zeros(Y.shape[:2]), np.zeros(Y.shape[2]))
+    priors = residuals.prior_residuals(solution.problem, solution.at)
+    return normal_equations.with_gradient(blank, _terms(solution.problem, solution.at), priors)[0]
 
 
 def reweight_priors(problem: Problem, at: Unknowns) -> Problem:

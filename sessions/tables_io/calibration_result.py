@@ -38,7 +38,9 @@ def parse(table: dict[str, Any]) -> PriorCalibration:
     lengths = {s: entry for s, entry in table["segment_lengths"].items() if "sd" in entry}
     mountings = {s: m for s, m in table["sensor_to_segment"].items() if _is_observed(m)}
     biases = {s: _numbers(b, 3) for s, b in table["gyr_bias"].items()}
-    if unknown := (set(lengths) | set(mountings) | set(biases)) - set(SEGMENTS):
+    of_accelerometers = {s: _numbers(b, 3) for s, b in table.get("acc_bias", {}).items()}
+    known = {*lengths, *mountings, *biases, *of_accelerometers}
+    if unknown := known - set(SEGMENTS):
         raise ValueError(unknown)
     return PriorCalibration(
         table["MeasuredHand"],
@@ -47,6 +49,7 @@ def parse(table: dict[str, Any]) -> PriorCalibration:
         {s: float(entry["value"]) for s, entry in lengths.items()},
         q_BS_sd={s: _numbers(m["sd"], 3) for s, m in mountings.items()},
         lengths_sd={s: float(entry["sd"]) for s, entry in lengths.items()},
+        acc_bias=of_accelerometers,
     )
 
 

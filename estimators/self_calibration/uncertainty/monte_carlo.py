@@ -16,9 +16,9 @@ from handscope.estimators.hand import forward_kinematics, joint_angles
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, IS_DOF, SEGMENT, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.typing import Array
+from handscope.estimators.numerics.typing import Array, Indices
 from handscope.estimators.self_calibration import residuals, segments
-from handscope.estimators.self_calibration.problem import Chain, Unknowns
+from handscope.estimators.self_calibration.problem import Chain, Unknowns, flexion_at
 from handscope.estimators.self_calibration.segments import Segments
 from handscope.estimators.self_calibration.solver import Solution
 from handscope.estimators.self_calibration.uncertainty import posterior
@@ -34,7 +34,7 @@ class Uncertainty:
 
     q_BS_errors: Mapping[str, Array]  # (DRAWS, 3) rad about the segment's axes
     p_BS: Mapping[str, Array]  # (3,) m, standard deviations
-    rows: Array  # (m,) samples of the stretch to which the next belong
+    rows: Indices  # (m,) samples of the stretch to which the next belong
     angle_errors: Array  # (DRAWS, m, joints, 3) rad; NaN where it is no joint of this finger
     tip_errors: Array  # (DRAWS, m, 3) m; NaN of the forearm
 
@@ -62,13 +62,11 @@ def estimate_uncertainty(
     mounting_sd: float,
     sized: Callable[[Segments, float], HandGeometry],
 ) -> Uncertainty:
-    """Standard deviations from draws; `mounting_sd` rad; `sized` makes a hand of segments and of a standard normal number, the error of lengths that no movement determines."""
-    rows = np.unique(
-        np.append(np.arange(0, len(solution.problem), EVERY), len(solution.problem) - 1)
-    )
+    """Standard deviations from draws, their orientations of `kept_samples`; `mounting_sd` rad; `sized` makes a hand of segments and of a standard normal number, the error of lengths that no movement determines."""
+    rows = kept_samples(len(solution.problem))
     best = _subsample(solution, rows)
     solved = segments.of_solution(best, hand, mounting)
-    others = list(_draw_segments(best, draws, rows, hand, mounting, mounting_sd))
+    others = list(_draw_segments(best, draws, hand, mounting, mounting_sd))
     angles, tip = _angles_and_tip(solved, sized(solved, 0.0))
     outputs = [
         _angles_and_tip(other, sized(other, luck)) for other, luck in zip(others, length_numbers())
@@ -85,6 +83,11 @@ def estimate_uncertainty(
     )
 
 
+def kept_samples(count: int) -> Indices:
+    """Of so many samples those that get a standard deviation (m,)."""
+    return np.unique(np.append(np.arange(0, count, EVERY), count - 1))
+
+
 def mounting_numbers() -> Array:
     """Errors of the draws' nominal mountings (DRAWS, segments, 3) about the segments' axes, in standard deviations: the same for all fingers."""
     numbers = [posterior.normal_numbers(3 * len(SEGMENTS), SEATED + k) for k in range(DRAWS)]
@@ -99,7 +102,6 @@ def length_numbers() -> Array:
 def _draw_segments(
     best: Solution,
     draws: Iterable[Unknowns],
-    rows: Array,
     hand: Hand,
     mounting: Mapping[str, Array],
     mounting_sd: float,
@@ -111,7 +113,7 @@ def _draw_segments(
             for s, turn in zip(SEGMENTS, turns)
         }
         drawn = straighten(
-            replace(at, q_GS=at.q_GS[rows]),
+            at,
             best.problem.chain,
             _flexion_offsets(best.problem.chain, turns),
         )
@@ -145,15 +147,11 @@ def straighten(at: Unknowns, chain: Chain, off: Array) -> Unknowns:
     return replace(at, near=near, far=far, axis_near=axis_near, axis_far=axis_far, skin_slide=slide)
 
 
-def _subsample(solution: Solution, rows: Array) -> Solution:
+def _subsample(solution: Solution, rows: Indices) -> Solution:
     return replace(
         solution,
         at=replace(solution.at, q_GS=solution.at.q_GS[rows]),
-        problem=replace(
-            solution.problem,
-            bent=solution.problem.bent[rows],
-            by_tilt=solution.problem.by_tilt[rows],
-        ),
+        problem=flexion_at(solution.problem, rows),
     )
 
 

@@ -55,14 +55,18 @@ def spurious_information(
         turns = normal_equations.draw_trajectory(
             factor, posterior.normal_numbers(n * e, k).reshape(n, e)
         ).reshape(n, -1, 3)
-        normal = normal_equations.empty(n, e, count)
+        B, C = np.zeros((n, e, count)), np.zeros((count, count))
         for terms in known or (
             residuals.joint_acceleration_terms(problem, at, start, start + CHUNK)
             for start in range(0, n, CHUNK)
         ):
-            normal_equations.add_terms(normal, _noise_terms(problem, at, turns, terms))
-        flat = normal_equations.whiten(factor, normal.B).reshape(-1, count)
-        information[:count, :count] += (normal.C - flat.T @ flat) / draws
+            noise = _noise_terms(problem, at, turns, terms)
+            normal = normal_equations.empty(len(noise.r) + normal_equations.SPAN - 1, e, count)
+            normal_equations.add_terms(normal, replace(noise, first=0))
+            B[noise.first : noise.first + len(normal.B)] += normal.B
+            C += normal.C
+        flat = normal_equations.whiten(factor, B).reshape(-1, count)
+        information[:count, :count] += (C - flat.T @ flat) / draws
     return information
 
 

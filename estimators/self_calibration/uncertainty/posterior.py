@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtri
 
-from handscope.estimators.numerics.typing import Array
+from handscope.estimators.numerics.typing import Array, Indices
 from handscope.estimators.self_calibration import normal_equations, residuals
 from handscope.estimators.self_calibration.normal_equations import Factor
 from handscope.estimators.self_calibration.problem import (
@@ -40,13 +40,15 @@ class Sizes:
     hinging: float
 
 
-def draw_places(problem: Problem, at: Unknowns, factor: Factor, count: int) -> Iterator[Unknowns]:
-    """Draws of all unknowns from the posterior."""
+def draw_places(
+    problem: Problem, at: Unknowns, factor: Factor, count: int, samples: Indices
+) -> Iterator[Unknowns]:
+    """Draws of all unknowns from the posterior, orientations of these samples."""
+    there = replace(at, q_GS=at.q_GS[samples])
     for k in range(count):
         step = _draw_step(factor, k)
-        yield apply_increment(
-            at, problem.chain, step.turns.reshape(len(problem), -1, 3), step.parameters
-        )
+        turns = step.turns[samples].reshape(len(samples), -1, 3)
+        yield apply_increment(there, problem.chain, turns, step.parameters)
 
 
 def residual_sizes(problem: Problem, at: Unknowns, factor: Factor) -> Sizes:
@@ -75,12 +77,12 @@ def _draw_step(factor: Factor, which: int) -> normal_equations.Step:
     return normal_equations.draw_step(factor, numbers[: n * e].reshape(n, e), numbers[n * e :])
 
 
-def normal_numbers(count: int, which: int) -> Array:
-    """Numbers (count,) as if drawn from the standard normal distribution, always the same: splitmix64 of their places, Steele et al. 2014."""
+def normal_numbers(count: int, which: int, first: int = 0) -> Array:
+    """Numbers (count,) from the `first` on as if drawn from the standard normal distribution, always the same: splitmix64 of their places, Steele et al. 2014."""
     with np.errstate(over="ignore"):
-        z = (np.arange(1, count + 1, dtype=np.uint64) + np.uint64(which << 40)) * np.uint64(
-            0x9E3779B97F4A7C15
-        )
+        z = (
+            np.arange(first + 1, first + count + 1, dtype=np.uint64) + np.uint64(which << 40)
+        ) * np.uint64(0x9E3779B97F4A7C15)
         z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
         z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
         z ^= z >> np.uint64(31)

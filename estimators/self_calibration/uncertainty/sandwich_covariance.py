@@ -24,7 +24,8 @@ from handscope.estimators.self_calibration.problem import (
 from handscope.estimators.self_calibration.residuals import Terms
 from handscope.estimators.self_calibration.whole_hand import normal_equations as hand_equations
 from handscope.estimators.self_calibration.whole_hand import problem as whole_hand_problem
-from handscope.estimators.self_calibration.whole_hand.normal_equations import HandFactor, HandNormal
+from handscope.estimators.self_calibration.whole_hand import residuals as hand_residuals
+from handscope.estimators.self_calibration.whole_hand.normal_equations import HandFactor
 from handscope.estimators.self_calibration.whole_hand.problem import HandPlace, HandProblem
 
 TOGETHER = 0.5  # s of a group: such errors last for about 0.2 s, as long as a finger bends in one direction
@@ -73,15 +74,13 @@ def limb_pulls(problem: Problem, at: Unknowns, factor: Factor) -> Array:
     )
 
 
-def hand_pulls(
-    problem: HandProblem, at: HandPlace, normal: HandNormal, factor: HandFactor
-) -> Array:
+def hand_pulls(problem: HandProblem, at: HandPlace, factor: HandFactor) -> Array:
     """The same of the whole hand."""
-    where, sd = normal.layout, normal.error_sd[:, None]
+    where, sd = factor.layout, whole_hand_problem.error_sd(problem)[:, None]
 
     def terms(first: int, last: int) -> Iterator[Placed]:
         for k, (rows, cols) in enumerate(zip(where.sample, where.parameters)):
-            for own in hand_equations.terms_of(problem, at, k, first, last):
+            for own in hand_residuals.terms_of(problem, at, k, first, last):
                 yield own, rows, cols[own.cols]
         r, none = (at.error / sd)[first:last], np.empty(0, np.intp)
         error = Terms(
@@ -98,7 +97,7 @@ def hand_pulls(
         (len(problem), where.each, where.count),
         problem.limbs[0].dt,
         terms,
-        partial(hand_equations.project_groups, normal, factor),
+        partial(hand_equations.project_groups, factor),
     )
 
 

@@ -1,11 +1,13 @@
-"""The normal equations of a whole hand: those of its limbs, put together two samples at a time while they are factored.
+"""The normal equations of a whole hand: those of its limbs, put together and factored a piece of time at a time, and made again where a step, a draw or a pull needs them.
 
 In      a HandProblem, a HandPlace
-Out     increments, covariance of the parameters, draws; time and memory grow linearly with the recording, one factor of the border never exists as a whole
-Source  Cholesky of a block-tridiagonal matrix: Golub & Van Loan, 4.5; Schur complement: Triggs et al. 2000, 6.1
+Out     increments, covariance of the parameters, draws; time grows linearly with the recording, of memory that of the ends of pieces
+Source  Cholesky of a block-tridiagonal matrix: Golub & Van Loan, 4.5; Schur complement: Triggs et al. 2000, 6.1; what is made again instead of kept: checkpoints,
+        Griewank 1992, Optimization Methods and Software 1
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -13,327 +15,233 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from handscope.estimators.numerics import parallel
-from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import looped
 from handscope.estimators.numerics.parallel import Each
 from handscope.estimators.numerics.typing import Array, Indices
-from handscope.estimators.self_calibration import normal_equations, residuals
-from handscope.estimators.self_calibration import soft_tissue as skin_motion
+from handscope.estimators.self_calibration import normal_equations
 from handscope.estimators.self_calibration.normal_equations import Normal, Step
-from handscope.estimators.self_calibration.problem import Problem, Unknowns, parameter_columns
-from handscope.estimators.self_calibration.residuals import Terms
+from handscope.estimators.self_calibration.uncertainty import posterior
 from handscope.estimators.self_calibration.whole_hand import problem as whole_hand_problem
+from handscope.estimators.self_calibration.whole_hand import residuals as hand_residuals
 from handscope.estimators.self_calibration.whole_hand.problem import (
-    OWN,
     HandPlace,
     HandProblem,
     Layout,
 )
 
-CHUNK = 512  # samples whose derivatives are in memory at once
+PIECE = 128  # samples, an even number, whose equations are in memory at once
 PAIR = 2  # samples that are factored at once: what spans three samples reaches the next pair, no further
-TOGETHER = 16  # pairs whose share of the border is whitened and summed at once
+REACH = normal_equations.SPAN - 1  # samples to which a residual reaches beyond its first
 
 
 @dataclass(frozen=True)
-class HandNormal:
-    """Normal equations of all limbs with their common unknowns."""
+class End:
+    """What a piece needs to know of the pair of samples before it, to be factored."""
 
-    layout: Layout
-    limbs: tuple[Normal, ...]  # their C and c are taken up in the whole's
-    error: Array  # (n, 3) residuals of the hand's accelerometer's error
-    error_sd: Array  # (n,)
-    C: Array  # (P, P)
-    c: Array  # (P,)
-    cost: float
+    below: Array  # (2 each, 2 each) of L, in the rows of the piece's first pair and the columns of that before
+    border: Array  # (2 each, P + 1) the rows of that pair of L^-1 [B, a]
 
 
 @dataclass(frozen=True)
 class HandFactor:
-    """Of the band A = L L' in blocks of pairs of samples; the covariance of the parameters."""
+    """Of the band A = L L' the ends of pieces, from which all of it is made again; gradient and covariance of the parameters, the trajectory eliminated."""
 
+    problem: HandProblem
+    at: HandPlace  # where the derivatives were taken
+    damping: float
     layout: Layout
-    L: Array  # (K, 2 each, 2 each)
-    below: Array  # (K, 2 each, 2 each) in the rows of pair k + 1 and the columns of pair k
+    ends: tuple[End, ...]
+    gradient: Array  # (P,)
     covariance: Array  # (P, P)
 
 
-def build_normal_equations(problem: HandProblem, at: HandPlace) -> HandNormal:
-    """The normal equations at a place, and its cost."""
-    where, sd = whole_hand_problem.layout(problem), whole_hand_problem.error_sd(problem)
-    C, c = np.zeros((where.count, where.count)), np.zeros(where.count)
-    off, skin_sd = hand_tissue_priors(problem, at)
-    C[where.skin, where.skin], c[where.skin] = np.diag(1 / skin_sd**2), off / skin_sd
-    total = 0.5 * float(((at.error / sd[:, None]) ** 2).sum() + (off**2).sum())
-    with parallel.threads() as each:
-        limbs = each(lambda k: _limb_equations(problem, at, k), range(len(problem.limbs)))
-    for (normal, of_limb), cols in zip(limbs, where.parameters):
-        C[np.ix_(cols, cols)] += normal.C
-        c[cols] += normal.c
-        total += of_limb
-    return HandNormal(
-        where, tuple(normal for normal, _ in limbs), at.error / sd[:, None] ** 2, sd, C, c, total
-    )
+@dataclass(frozen=True)
+class Piece:
+    """The factor of a piece's pairs of samples, and their part of the border."""
+
+    samples: range
+    L: Array  # (m, 2 each, 2 each)
+    below: Array  # (m, 2 each, 2 each) in the rows of the next pair and the columns of its own
+    border: Array  # (m, 2 each, columns) of L^-1 [B, a], or of what was asked for of its columns
 
 
-def _limb_equations(problem: HandProblem, at: HandPlace, k: int) -> tuple[Normal, float]:
-    """The normal equations of limb k, and its share of the cost."""
-    limb, cols = problem.limbs[k], whole_hand_problem.layout(problem).parameters[k]
-    normal = normal_equations.empty(len(limb), 3 * len(limb.chain.sensors) + OWN, len(cols))
-    priors = limb_priors(limb, at.limbs[k], shares=k == 0)
-    return normal, normal_equations.add_everything(normal, terms_of(problem, at, k), priors)
-
-
-def without_band(normal: HandNormal) -> HandNormal:
-    """What steps, pulls and draws need beside the factor."""
-    none = np.empty((0, normal_equations.SPAN, 0, 0))
-    return replace(normal, limbs=tuple(replace(limb, A=none) for limb in normal.limbs))
-
-
-def with_gradient(normal: HandNormal, problem: HandProblem, at: HandPlace) -> HandNormal:
-    """The same equations with the gradient, and the cost, of another place."""
-    (off, skin_sd), sd = hand_tissue_priors(problem, at), normal.error_sd
-    c, limbs = np.zeros(normal.layout.count), []
-    c[normal.layout.skin] = off / skin_sd
-    total = 0.5 * float(((at.error / sd[:, None]) ** 2).sum() + (off**2).sum())
-    for k, (limb, cols) in enumerate(zip(normal.limbs, normal.layout.parameters)):
-        priors = limb_priors(problem.limbs[k], at.limbs[k], shares=k == 0)
-        there, own = normal_equations.with_gradient(limb, terms_of(problem, at, k), priors)
-        limbs.append(there)
-        c[cols] += there.c
-        total += own
-    error = at.error / sd[:, None] ** 2
-    return replace(normal, limbs=tuple(limbs), error=error, c=c, cost=total)
-
-
-def cost(problem: HandProblem, at: HandPlace) -> float:
-    """Half the sum of the squared residuals."""
-    total = 0.5 * float(
-        ((at.error / whole_hand_problem.error_sd(problem)[:, None]) ** 2).sum()
-        + (hand_tissue_priors(problem, at)[0] ** 2).sum()
-    )
-    for k, limb in enumerate(problem.limbs):
-        total += 0.5 * float((limb_priors(limb, at.limbs[k], shares=k == 0)[0] ** 2).sum())
-        for start in range(0, len(limb), CHUNK):
-            for kind in _residual_kinds(k):
-                total += 0.5 * float(
-                    (_residuals_only(problem, at, k, kind, start, start + CHUNK) ** 2).sum()
-                )
-    return total
-
-
-def hand_tissue_priors(problem: HandProblem, at: HandPlace) -> tuple[Array, Array]:
-    """How far the hand's skin moves its sensor, and its laws, in standard deviations, and these (7 F,)."""
-    noise, quarter = problem.noise, np.pi / 2
-    F = len(problem.limbs)
-    sizes = np.radians(noise.skin_turn) / quarter, 1e-3 * noise.skin_slide / quarter, noise.skin_law
-    sd = np.repeat(sizes, (3 * F, 3 * F, F))
-    return np.concatenate([at.skin_turn.ravel(), at.skin_slide.ravel(), at.skin_law]) / sd, sd
-
-
-def terms_of(
-    problem: HandProblem, at: HandPlace, k: int, first: int = 0, last: int | None = None
-) -> Iterator[Terms]:
-    """Residuals of limb k with derivatives by its sensors' turns, the hand's error and skin; what all limbs have in common only with the first. Of samples from `first` to before `last`."""
-    limb, place = problem.limbs[k], at.limbs[k]
-    quiet, bending, end = (
-        _without_hand_noise(limb),
-        whole_hand_problem.root_flexion(problem),
-        len(limb) if last is None else last,
-    )
-    for start in range(first, end, CHUNK):
-        stop = min(start + CHUNK, end)
-        for kind in _residual_kinds(k):
-            if kind is residuals.joint_acceleration_terms:
-                yield _joint_terms(quiet, place, at, bending, start, stop)
-            else:
-                yield _add_hand_columns(_drop_shared_rows(kind(limb, place, start, stop), kind, k))
-
-
-def _residual_kinds(k: int) -> tuple[Callable[[Problem, Unknowns, int, int], Terms], ...]:
-    """Of residuals of limb k: the first tells how the hand stays."""
-    return tuple(
-        kind
-        for kind in residuals.EVERY_SAMPLE
-        if k == 0 or kind is not residuals.mean_acceleration_terms
-    )
-
-
-def _drop_shared_rows(terms: Terms, kind: Callable[..., Terms], k: int) -> Terms:
-    """Rows of the hand's sensor are the first limb's."""
-    if k == 0 or kind is residuals.hinge_terms:
-        return terms
-    return replace(
-        terms,
-        r=terms.r[:, 3:],
-        by_turns=terms.by_turns[:, 3:],
-        by_parameters=terms.by_parameters[:, 3:],
-    )
-
-
-def _without_hand_noise(limb: Problem) -> Problem:
-    """With the hand's noise an unknown."""
-    return replace(limb, acc_sd=np.where(np.arange(limb.acc_sd.shape[1]) == 0, 0.0, limb.acc_sd))
-
-
-def _residuals_only(
-    problem: HandProblem, at: HandPlace, k: int, kind: Callable[..., Terms], start: int, stop: int
-) -> Array:
-    """Residuals of limb k without derivatives."""
-    limb, place = problem.limbs[k], at.limbs[k]
-    if kind is residuals.joint_acceleration_terms:
-        return _joint_residuals(
-            _without_hand_noise(limb),
-            place,
-            at,
-            whole_hand_problem.root_flexion(problem),
-            start,
-            stop,
-        )[0]
-    r = residuals.residuals_alone(kind)(limb, place, start, stop)
-    return r if k == 0 or kind is residuals.hinge_terms else r[:, 3:]  # as `_drop_shared_rows`
-
-
-def _joint_residuals(
-    quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, start: int, stop: int
-) -> tuple[Array, Array]:
-    """Residuals (T, J, 3) of `_joint_terms`; the part of them that the skin makes."""
-    first, stop, root = (
-        max(start, 1),
-        min(stop, len(quiet) - 1),
-        whole_hand_problem.root_joint(quiet.chain),
-    )
-    r = residuals.joint_acceleration_residuals(quiet, place, first, stop).reshape(
-        stop - first, len(quiet.chain.joints), 3
-    )
-    seen = residuals.whitening_matrix(quiet, first, stop)[:, :, root, None]
-    samples = np.arange(first - 1, stop + 1)
-    v = place.far[root] - skin_motion.place_in_sensor(
-        skin_motion.displace_sensor(
-            skin_motion.tissue_response(bending[samples], at.skin_law), at.skin_turn, at.skin_slide
-        ),
-        place.far[root],
-    )
-    swung = np.einsum("tij,tj->ti", quat.matrix(place.q_GS[samples, 0]), v)
-    e = np.diff(swung, 2, axis=0) / quiet.dt**2
-    pulled = seen * e[:, None] / residuals.common_scale(place)
-    return r + pulled - seen * at.error[first:stop, None], pulled
-
-
-def _joint_terms(
-    quiet: Problem, place: Unknowns, at: HandPlace, bending: Array, start: int, stop: int
-) -> Terms:
-    """Joints on the hand see the error of its accelerometer, and its sensor pulled by the skin."""
-    terms, chain = (
-        _add_hand_columns(residuals.joint_acceleration_terms(quiet, place, start, stop)),
-        quiet.chain,
-    )
-    T, J, S, c = len(terms.r), len(chain.joints), len(chain.sensors), parameter_columns(chain)
-    first, k = terms.first + 1, whole_hand_problem.root_joint(chain)
-    seen = residuals.whitening_matrix(quiet, first, first + T)[:, :, k]  # (T, J)
-    grown, (r, by_pull) = (
-        residuals.common_scale(place),
-        _joint_residuals(quiet, place, at, bending, start, stop),
-    )
-    by_turn, by_far, by_skin = tissue_acceleration(
-        quiet, place, at, bending, first + np.arange(T)[:, None] + np.arange(-1, 2)
-    )
-
-    def shared(v: Array) -> Array:
-        """What is seen at the joint on the hand (T, 3, ...), in the whitened rows (T, J, 3, ...)."""
-        return np.asarray(np.einsum("tj,t...->tj...", seen / grown, v))
-
-    by = terms.by_turns.reshape(T, J, 3, terms.knots, 3 * S + OWN)
-    by[..., :3] += shared(by_turn.transpose(0, 2, 1, 3))
-    for axis in range(3):
-        by[:, :, axis, 1, axis - OWN] = -seen
-    slopes = terms.by_parameters.reshape(T, J, 3, len(terms.cols))
-    slopes[..., 3 * k : 3 * k + 3] += shared(by_far)
-    slopes[..., -9 * S :] -= by_pull[..., None] * np.tile(np.eye(3).ravel(), S) / (3 * S * grown)
-    slopes = np.concatenate([slopes, shared(by_skin)], axis=3)
-    cols = np.concatenate([terms.cols, c.count + np.arange(by_skin.shape[2])])
-    by_turns, by_parameters = by.reshape(terms.by_turns.shape), slopes.reshape(T, 3 * J, len(cols))
-    return replace(
-        terms, r=r.reshape(T, 3 * J), by_turns=by_turns, by_parameters=by_parameters, cols=cols
-    )
-
-
-def tissue_acceleration(
-    limb: Problem, place: Unknowns, at: HandPlace, bending: Array, samples: Indices
-) -> tuple[Array, Array, Array]:
-    """What the hand's skin does to the acceleration of a limb's joint on the hand: by the turns of three samples (T, 3, 3, 3), its arm, the skin."""
-    arm, bent = place.far[whole_hand_problem.root_joint(limb.chain)], bending[samples]  # (T, 3, F)
-    b = skin_motion.tissue_response(bent, at.skin_law)
-    R = (
-        residuals.SECOND_DIFFERENCE[:, None, None]
-        / limb.dt**2
-        * quat.matrix(place.q_GS[:, 0])[samples]
-    )
-    moved = skin_motion.displace_sensor(b, at.skin_turn, at.skin_slide)
-    v = arm - skin_motion.place_in_sensor(moved, arm)
-    by_far = (R @ (np.eye(3) - moved.back)).sum(axis=1)
-    turned, slid = -R @ skin_motion.place_by_turn(moved, arm), R @ moved.back
-    by_turn, by_slide = (np.einsum("tkf,tkij->tifj", b, v) for v in (turned, slid))
-    by_law = np.einsum(
-        "tkf,tkif->tif",
-        skin_motion.tissue_response_derivatives(bent, at.skin_law)[1],
-        turned @ at.skin_turn.T + slid @ at.skin_slide.T,
-    )
-    T, _, F = b.shape
-    by_skin = np.concatenate(
-        [by_turn.reshape(T, 3, 3 * F), by_slide.reshape(T, 3, 3 * F), by_law], axis=2
-    )
-    return -R @ quat.skew(v), by_far, by_skin
-
-
-def _add_hand_columns(terms: Terms) -> Terms:
-    """Columns for the hand's error, behind the turns of each sample."""
-    T, m = terms.r.shape
-    by = terms.by_turns.reshape(T, m, terms.knots, terms.by_turns.shape[2] // terms.knots)
-    wide = np.concatenate([by, np.zeros((T, m, terms.knots, OWN))], axis=3)
-    return replace(terms, by_turns=wide.reshape(T, m, terms.knots * wide.shape[3]))
-
-
-def limb_priors(limb: Problem, at: Unknowns, shares: bool) -> tuple[Array, Array]:
-    """Residuals and Jacobian of the priors of one limb."""
-    r, K = residuals.prior_residuals(limb, at)
-    if shares:
-        return r, K
-    own = np.delete(K, whole_hand_problem.shared_columns(limb.chain), axis=1).any(axis=1)
-    return r[own], K[own]
-
-
-def factorise(normal: HandNormal, damping: float = 0.0) -> HandFactor:
+def factorise(problem: HandProblem, at: HandPlace, damping: float = 0.0) -> HandFactor:
     """The diagonal grows by the factor 1 + damping. LinAlgError where the equations do not tell the unknowns."""
-    where, E = normal.layout, PAIR * normal.layout.each
-    P, K = where.count, -(-len(normal.error) // PAIR)
-    L, below = np.zeros((K, E, E)), np.zeros((K, E, E))
-    known, last = np.zeros((P, P)), np.zeros((E, P))
-    first, second = halves = _halves(P)
+    where = whole_hand_problem.layout(problem)
+    P, E = where.count, PAIR * where.each
+    C, c = _prior_equations(problem, at, where)
+    known, ends = np.zeros((P + 1, P + 1)), list[End]()
+    end = End(np.zeros((E, E)), np.zeros((E, P + 1)))
+    first, second = _halves(P + 1)
     products = [((first, first), (second, second)), ((first, second),)]
-    with parallel.threads() as each:
-        for k in range(0, K, TOGETHER):
-            D, border = _fill_blocks(normal, k, below[k : k + TOGETHER], damping, each)
-            _root_band(D, L, below, k)
-            before = below[
-                np.arange(k, k + len(D)) - 1
-            ]  # before the first is nothing: there `last` is zero
-            each(partial(_whiten, border, last, before, L[k : k + len(D)]), halves)
-            each(partial(_multiply, border.reshape(-1, P), known), products)
-            last = border[-1].copy()  # the border itself is free
+    with _workspace(problem, at, damping, where) as space:
+        for start in range(0, len(problem), PIECE):
+            ends.append(end)
+            piece = _factorise_piece(space, start, end)
+            for limb, cols in zip(space.limbs, where.parameters):
+                C[np.ix_(cols, cols)] += limb.C
+                c[cols] += limb.c
+            space.each(partial(_multiply, piece.border.reshape(-1, P + 1), known), products)
+            end = End(piece.below[-1].copy(), piece.border[-1].copy())
     known = np.triu(known) + np.triu(known, 1).T
-    C = normal.C.copy()
     C[np.diag_indices_from(C)] *= 1 + damping
-    return HandFactor(where, L, below, normal_equations.invert(C - known))
+    covariance = normal_equations.invert(C - known[:P, :P])
+    return HandFactor(problem, at, damping, where, tuple(ends), c - known[:P, P], covariance)
 
 
-def _root_band(D: Array, L: Array, below: Array, first: int) -> None:
-    """Fills L and what is below it for the pairs from `first` on."""
-    for j, k in enumerate(range(first, first + len(D))):
-        if k:
-            D[j] -= below[k - 1] @ below[k - 1].T
-        L[k] = _root(D[j])
-        below[k] = blas.dtrsm(1.0, L[k].T, below[k].T, lower=0, trans_a=1).T
+@dataclass(frozen=True)
+class _Workspace:
+    """Memory in which pieces are made one after the other: a piece is valid until the next is made."""
+
+    problem: HandProblem
+    at: HandPlace
+    damping: float
+    layout: Layout
+    error_sd: Array  # (n,)
+    limbs: tuple[Normal, ...]  # of a piece, and of REACH samples on either side
+    L: Array  # (PIECE / PAIR, E, E)
+    D: Array
+    below: Array
+    border: Array  # (PIECE / PAIR, E, P + 1), empty where columns are asked for
+    each: Each
+
+
+@contextmanager
+def _workspace(
+    problem: HandProblem, at: HandPlace, damping: float, where: Layout, whole: bool = True
+) -> Iterator[_Workspace]:
+    """With two threads, until the block is left; `whole` where the whole border is made."""
+    m, E = PIECE // PAIR, PAIR * where.each
+    limbs = tuple(
+        normal_equations.empty(PIECE + 2 * REACH, len(rows), len(cols))
+        for rows, cols in zip(where.sample, where.parameters)
+    )
+    L, D, below = np.empty((3, m, E, E))
+    border = np.empty((m, E, where.count + 1) if whole else (0, E, 0))
+    with parallel.threads() as each:
+        error_sd = whole_hand_problem.error_sd(problem)
+        yield _Workspace(problem, at, damping, where, error_sd, limbs, L, D, below, border, each)
+
+
+def _prior_equations(problem: HandProblem, at: HandPlace, where: Layout) -> tuple[Array, Array]:
+    """C (P, P) and c (P,) of the priors."""
+    C, c = np.zeros((where.count, where.count)), np.zeros(where.count)
+    off, sd = hand_residuals.hand_tissue_priors(problem, at)
+    C[where.skin, where.skin], c[where.skin] = np.diag(1 / sd**2), off / sd
+    for k, cols in enumerate(where.parameters):
+        r, K = hand_residuals.limb_priors(problem.limbs[k], at.limbs[k], shares=k == 0)
+        own = cols[: K.shape[1]]
+        C[np.ix_(own, own)] += K.T @ K
+        c[own] += K.T @ r
+    return C, c
+
+
+def _factorise_piece(
+    space: _Workspace, start: int, end: End, columns: Array | None = None
+) -> Piece:
+    """The piece that begins with a sample; of the border what `columns` (P + 1, m) make of it, or all of it."""
+    samples = range(start, min(start + PIECE, len(space.problem)))
+    m = -(-len(samples) // PAIR)
+    space.each(partial(_fill_limb, space, samples), range(len(space.limbs)))
+    L, D, below = space.L[:m], space.D[:m], space.below[:m]
+    _fill_band(space, samples, D, below)
+    _root_band(D, L, below, end.below)
+    before = (end.below, *below[:-1])
+    if columns is None:
+        border = space.border[:m]
+        _fill_border(space, samples, border)
+        space.each(partial(_whiten, border, end.border, before, L), _halves(border.shape[2]))
+    else:
+        border = _combine_border(space, samples, columns)
+        _whiten(border, end.border @ columns, before, L, slice(None))
+    return Piece(samples, L, below, border)
+
+
+def _pieces_backwards(
+    factor: HandFactor, columns: Array | None = None
+) -> Iterator[tuple[Piece, Each]]:
+    """The pieces of a factor made again, from the last to the first, and the threads that are at work; `columns` as of `_factorise_piece`."""
+    whole = columns is None
+    with _workspace(factor.problem, factor.at, factor.damping, factor.layout, whole) as space:
+        for k in reversed(range(len(factor.ends))):
+            yield _factorise_piece(space, PIECE * k, factor.ends[k], columns), space.each
+
+
+def _fill_limb(space: _Workspace, samples: range, k: int) -> None:
+    """The normal equations of limb k in a piece; C and c of the residuals that begin in it."""
+    normal, n = space.limbs[k], len(space.problem)
+    for array in (normal.A, normal.B, normal.C, normal.a, normal.c):
+        array[...] = 0.0
+    first, last = max(samples.start - 1, 0), min(samples.stop + 1, n)
+    for terms in hand_residuals.terms_of(space.problem, space.at, k, first, last):
+        own = slice(max(samples.start - terms.first, 0), max(samples.stop - terms.first, 0))
+        placed = replace(terms, first=terms.first - samples.start + REACH)
+        normal_equations.add_terms(normal, placed, own)
+
+
+def _fill_band(space: _Workspace, samples: range, D: Array, below: Array) -> None:
+    """Blocks of a piece's pairs (m, E, E), lower triangles, and those below them, in place."""
+    m, e, n = len(D), space.layout.each, len(samples)
+    D[...], below[...] = 0.0, 0.0
+    split = D.reshape(m, PAIR, e, PAIR, e), below.reshape(m, PAIR, e, PAIR, e)
+    space.each(partial(_fill_half, space, samples, *split), range(PAIR))
+    diagonal = np.arange(PAIR * e)
+    D[:, diagonal, diagonal] *= 1 + space.damping
+    if n % PAIR:  # the last sample is missing
+        D[-1, diagonal[e:], diagonal[e:]] = 1.0
+
+
+def _fill_half(space: _Workspace, samples: range, D: Array, under: Array, half: int) -> None:
+    """The first or the second samples of the pairs, in place."""
+    for limb, rows in zip(space.limbs, space.layout.sample):
+        _scatter(limb.A[REACH:], rows, half, len(samples), D, under)
+    own = 1 / space.error_sd[samples.start + half : samples.stop : PAIR] ** 2
+    error = np.arange(space.layout.each)[space.layout.error]
+    D[:, half, :, half][np.arange(len(own))[:, None], error, error] += own[:, None]
+
+
+def _fill_border(space: _Workspace, samples: range, border: Array) -> None:
+    """[B, a] (m, E, P + 1) of a piece, in place."""
+    where, n = space.layout, len(samples)
+    border[...] = 0.0
+    split = border.reshape(len(border), PAIR, where.each, -1)
+
+    def fill(half: int) -> None:
+        for limb, rows, cols in zip(space.limbs, where.sample, where.parameters):
+            _scatter_border(limb.B[REACH:], rows, cols, half, n, split)
+
+    space.each(fill, range(PAIR))
+    a = border.reshape(-1, where.each, where.count + 1)[:n, :, -1]
+    for limb, rows in zip(space.limbs, where.sample):
+        a[:, rows] += limb.a[REACH : REACH + n]
+    a[:, where.error] += _error_gradient(space, samples)
+
+
+def _error_gradient(space: _Workspace, samples: range) -> Array:
+    """Of the hand's error's prior (n, 3)."""
+    inside = slice(samples.start, samples.stop)
+    return np.asarray(space.at.error[inside] / space.error_sd[inside, None] ** 2)
+
+
+def _combine_border(space: _Workspace, samples: range, columns: Array) -> Array:
+    """[B, a] columns (m, E, columns) of a piece."""
+    where, n, (of_parameters, of_gradient) = space.layout, len(samples), (columns[:-1], columns[-1])
+    inside = slice(REACH, REACH + n)
+    border = np.zeros((n + n % PAIR, where.each, columns.shape[1]))
+    for limb, rows, cols in zip(space.limbs, where.sample, where.parameters):
+        border[:n, rows] += limb.B[inside] @ of_parameters[cols]
+        border[:n, rows] += limb.a[inside, :, None] * of_gradient
+    border[:n, where.error] += _error_gradient(space, samples)[..., None] * of_gradient
+    return border.reshape(-1, PAIR * where.each, columns.shape[1])
+
+
+def _root_band(D: Array, L: Array, below: Array, before: Array) -> None:
+    """Fills L (m, E, E) of a piece's pairs; what is below them becomes L's. `before` (E, E) is what of L is below the pair before them."""
+    for own, root, under in zip(D, L, below):
+        own -= before @ before.T
+        root[...] = _root(own)
+        under[...] = blas.dtrsm(1.0, root.T, under.T, lower=0, trans_a=1).T
+        before = under
 
 
 def _root(D: Array) -> Array:
@@ -343,8 +251,8 @@ def _root(D: Array) -> Array:
     return np.asarray(upper.T)
 
 
-def _whiten(border: Array, last: Array, before: Array, L: Array, cols: slice) -> None:
-    """Columns of B (m, E, P) become those of L^-1 B, in place; `last` (E, P) are those of the pair before them."""
+def _whiten(border: Array, last: Array, before: Sequence[Array], L: Array, cols: slice) -> None:
+    """Columns of B (m, E, P) become those of L^-1 B, in place; `last` (E, P) are those of the pair before them, `before` (E, E) is what of L is below the pair before each."""
     known, half = np.ascontiguousarray(last[:, cols]), border.shape[1] // PAIR
     for own, below, root in zip(border[:, :, cols], before, L):
         rest = own.copy()
@@ -358,40 +266,6 @@ def _multiply(border: Array, known: Array, where: Sequence[tuple[slice, slice]])
     """Adds blocks of border' border, in place."""
     for rows, cols in where:
         known[rows, cols] += border[:, rows].T @ border[:, cols]
-
-
-def _fill_blocks(
-    normal: HandNormal, k: int, below: Array, damping: float, each: Each
-) -> tuple[Array, Array]:
-    """Blocks of the pairs from k on (m, E, E), lower triangles, and of the border (m, E, P); fills what is below them."""
-    m, e, P = len(below), normal.layout.each, normal.layout.count
-    D, B = np.zeros((m, PAIR, e, PAIR, e)), np.zeros((m, PAIR, e, P))
-    each(partial(_fill_half, normal, k, D, B, below.reshape(m, PAIR, e, PAIR, e)), range(PAIR))
-    whole, diagonal = D.reshape(m, PAIR * e, PAIR * e), np.arange(PAIR * e)
-    whole[:, diagonal, diagonal] *= 1 + damping
-    return whole, B.reshape(m, PAIR * e, P)
-
-
-def _fill_half(normal: HandNormal, k: int, D: Array, B: Array, under: Array, half: int) -> None:
-    """The first or the second samples of the pairs from k on, in place."""
-    where, n, (m, _, e, _, _) = normal.layout, len(normal.error), D.shape
-    first, stop = PAIR * k + half, min(PAIR * (k + m), n)
-    t, pairs = np.arange(first, stop, PAIR), np.arange(len(range(first, stop, PAIR)))
-    error = np.arange(e)[where.error]
-    for limb, rows in zip(normal.limbs, where.sample):
-        _scatter(limb.A, rows, first, stop, D, under)
-    _fill_border_half(normal, k, B, half)
-    D[:, half, :, half][pairs[:, None], error, error] += 1 / normal.error_sd[t, None] ** 2
-    D[len(t) :, half, np.arange(e), half, np.arange(e)] = (
-        1.0  # no sample: the last pair of an odd number
-    )
-
-
-def _fill_border_half(normal: HandNormal, k: int, border: Array, half: int) -> None:
-    """Columns of the border (m, PAIR, each, P) of the first or the second samples of the pairs from k on, in place."""
-    first, stop = PAIR * k + half, min(PAIR * (k + len(border)), len(normal.error))
-    for limb, rows, cols in zip(normal.limbs, normal.layout.sample, normal.layout.parameters):
-        _scatter_border(limb.B, rows, cols, first, stop, border)
 
 
 @looped
@@ -422,80 +296,70 @@ def _scatter_border(
                 border[k, t % 2, rows[i], cols[j]] += B[t, i, j]
 
 
-def solve_step(normal: HandNormal, factor: HandFactor) -> Step:
-    """Where the minimum of the quadratic model lies from here; the factor may be of equations elsewhere."""
-    gradient = np.zeros((len(normal.error), normal.layout.each))
-    for limb, rows in zip(normal.limbs, normal.layout.sample):
-        gradient[:, rows] += limb.a
-    gradient[:, normal.layout.error] += normal.error
-    pulled = project_on_parameters(normal, factor, gradient[None])[0]
-    parameters = factor.covariance @ (pulled - normal.c)
-    rhs = -gradient - _border_product(normal, parameters)
-    x = _backward(factor, _forward(factor, _pair_samples(rhs[None])))
-    return Step(_split_pairs(x, normal)[0], parameters)
-
-
-def draw_steps(
-    normal: HandNormal, factor: HandFactor, of_samples: Array, of_parameters: Array
-) -> list[Step]:
-    """Draws from the distribution with the equations' covariance, of independent standard normal numbers (m, n, each) and (m, P)."""
-    parameters = of_parameters @ np.linalg.cholesky(factor.covariance).T
-    border = _forward(
-        factor, _pair_samples(np.stack([_border_product(normal, p) for p in parameters]))
+def solve_step(factor: HandFactor) -> Step:
+    """Where the minimum of the quadratic model lies from the factor's place."""
+    parameters = -factor.covariance @ factor.gradient
+    x = _substitute_back(
+        factor,
+        np.append(parameters, 1.0)[:, None],
+        np.arange(len(factor.problem)),
+        lambda samples: np.zeros(1),
     )
-    x = _backward(factor, _pair_samples(of_samples) - border)
-    return [Step(*one) for one in zip(_split_pairs(x, normal), parameters)]
+    return Step(x[..., 0], parameters)
 
 
-def project_on_parameters(normal: HandNormal, factor: HandFactor, of_samples: Array) -> Array:
-    """B' A^-1 v (m, P), of v (m, n, each): how gradients by samples' unknowns pull the parameters, but for their sign."""
-    x = _split_pairs(_backward(factor, _forward(factor, _pair_samples(of_samples))), normal)
-    projected = np.zeros((len(x), normal.layout.count))
-    for limb, rows, cols in zip(normal.limbs, normal.layout.sample, normal.layout.parameters):
-        projected[:, cols] += np.tensordot(x[:, :, rows], limb.B, axes=((1, 2), (0, 1)))
-    return projected
+def draw_steps(factor: HandFactor, count: int, samples: Indices) -> list[Step]:
+    """Draws from the distribution with the equations' covariance, their turns at these samples."""
+    n, each, P = len(factor.problem), factor.layout.each, factor.layout.count
+
+    def numbers(which: range) -> Array:
+        drawn = [
+            posterior.normal_numbers(len(which) * each, k, which.start * each).reshape(-1, each)
+            for k in range(count)
+        ]
+        return np.stack(drawn, axis=-1)
+
+    of_parameters = np.stack([posterior.normal_numbers(P, k, n * each) for k in range(count)])
+    parameters = of_parameters @ np.linalg.cholesky(factor.covariance).T
+    columns = np.concatenate([parameters.T, np.zeros((1, count))])
+    x = _substitute_back(factor, columns, samples, numbers)
+    return [Step(x[..., k], p) for k, p in enumerate(parameters)]
 
 
-def project_groups(
-    normal: HandNormal, factor: HandFactor, of_samples: Array, group_size: int
+def _substitute_back(
+    factor: HandFactor, columns: Array, kept: Indices, numbers: Callable[[range], Array]
 ) -> Array:
-    """The same (groups, P) of groups of samples, whose v stand in `of_samples` (2, n, each) as in `normal_equations.project_groups`.
+    """L'^-1 (v - L^-1 [B, a] columns) (kept, each, m) of some samples; `numbers` gives v (n, each, m) of samples."""
+    each, m = factor.layout.each, columns.shape[1]
+    found, ahead = np.empty((len(kept), each, m)), np.zeros((PAIR * each, m))
+    for piece, _ in _pieces_backwards(factor, columns):
+        x, samples = -piece.border, piece.samples
+        by_sample = x.reshape(-1, each, m)[: len(samples)]
+        by_sample += numbers(samples)
+        _solve_transposed(x, ahead, piece.below, piece.L, slice(None))
+        ahead = x[0]
+        inside = (kept >= samples.start) & (kept < samples.stop)
+        found[inside] = by_sample[kept[inside] - samples.start]
+    return found
 
-    A^-1 B is made from the end to the beginning, of L^-1 B of a few pairs at a time: of a first pass one row before each of these is kept. Time grows linearly with the recording.
+
+def project_groups(factor: HandFactor, of_samples: Array, group_size: int) -> Array:
+    """B' A^-1 v (groups, P), of every group's v: how gradients by samples' unknowns pull the parameters, but for their sign.
+
+    The v of groups of samples stand in `of_samples` (2, n, each) as in `normal_equations.project_groups`.
     """
-    n, P, pairs = len(normal.error), normal.layout.count, len(factor.L)
-    pulls, ahead = np.zeros((-(-n // group_size), P)), np.zeros((factor.L.shape[1], P))
-    starts, before = range(0, pairs, TOGETHER), [np.zeros_like(ahead)]
-    with parallel.threads() as each:
-        for k in starts[:-1]:
-            before.append(_whitened_border(normal, factor, k, before[-1], each)[-1].copy())
-        for k in reversed(starts):
-            border = _whitened_border(normal, factor, k, before.pop(), each)
-            stop = k + len(border)
-            each(
-                partial(_solve_transposed, border, ahead, factor.below[k:stop], factor.L[k:stop]),
-                _halves(P),
-            )
-            samples = np.arange(PAIR * k, min(PAIR * stop, n))
-            solved = border.reshape(-1, normal.layout.each, P)[: len(samples)]
-            share = np.matmul(of_samples[:, samples].transpose(1, 0, 2), solved)
-            for parity, group in enumerate(_groups_of(samples, group_size)):
-                np.add.at(pulls, np.clip(group, 0, len(pulls) - 1), share[:, parity])
-            ahead = border[0].copy()
+    n, each, P = len(factor.problem), factor.layout.each, factor.layout.count
+    pulls, ahead = np.zeros((-(-n // group_size), P)), np.zeros((PAIR * each, P + 1))
+    for piece, threads in _pieces_backwards(factor):
+        solve = partial(_solve_transposed, piece.border, ahead, piece.below, piece.L)
+        threads(solve, _halves(P + 1))
+        samples = np.array(piece.samples)
+        solved = piece.border.reshape(-1, each, P + 1)[: len(samples), :, :P]
+        share = np.matmul(of_samples[:, samples].transpose(1, 0, 2), solved)
+        for parity, group in enumerate(_groups_of(samples, group_size)):
+            np.add.at(pulls, np.clip(group, 0, len(pulls) - 1), share[:, parity])
+        ahead = piece.border[0].copy()
     return pulls
-
-
-def _whitened_border(
-    normal: HandNormal, factor: HandFactor, k: int, last: Array, each: Each
-) -> Array:
-    """Rows of L^-1 B (m, 2 each, P) of the pairs from k on; `last` (2 each, P) are those of the pair before them."""
-    L, P = factor.L[k : k + TOGETHER], normal.layout.count
-    border = np.zeros((len(L), PAIR * normal.layout.each, P))
-    of_samples = border.reshape(len(L), PAIR, -1, P)
-    each(partial(_fill_border_half, normal, k, of_samples), range(PAIR))
-    before = factor.below[np.arange(k, k + len(L)) - 1]
-    each(partial(_whiten, border, last, before, L), _halves(P))
-    return border
 
 
 def _solve_transposed(border: Array, ahead: Array, below: Array, L: Array, cols: slice) -> None:
@@ -518,43 +382,3 @@ def _groups_of(samples: Indices, size: int) -> tuple[Indices, Indices]:
 
 def _halves(count: int) -> tuple[slice, slice]:
     return slice(0, count // 2), slice(count // 2, count)
-
-
-def _border_product(normal: HandNormal, parameters: Array) -> Array:
-    """B p (n, each)."""
-    product = np.zeros((len(normal.error), normal.layout.each))
-    for limb, rows, cols in zip(normal.limbs, normal.layout.sample, normal.layout.parameters):
-        product[:, rows] += limb.B @ parameters[cols]
-    return product
-
-
-def _pair_samples(v: Array) -> Array:
-    """(m, n, each) as (K, m, 2 each), a sample of zeros where one is missing."""
-    m, n, each = v.shape
-    whole = np.concatenate([v, np.zeros((m, n % PAIR, each))], axis=1)
-    return whole.reshape(m, -1, PAIR * each).transpose(1, 0, 2)
-
-
-def _split_pairs(x: Array, normal: HandNormal) -> Array:
-    """The way back, (m, n, each)."""
-    return x.transpose(1, 0, 2).reshape(x.shape[1], -1, normal.layout.each)[:, : len(normal.error)]
-
-
-def _forward(factor: HandFactor, y: Array) -> Array:
-    """L^-1 y, of rows (K, m, 2 each)."""
-    y = y.copy()
-    for k in range(len(y)):
-        if k:
-            y[k] -= y[k - 1] @ factor.below[k - 1].T
-        y[k] = blas.dtrsm(1.0, factor.L[k].T, y[k].T, lower=0, trans_a=1).T
-    return y
-
-
-def _backward(factor: HandFactor, x: Array) -> Array:
-    """L'^-1 x, of rows (K, m, 2 each)."""
-    x = x.copy()
-    for k in range(len(x) - 1, -1, -1):
-        if k + 1 < len(x):
-            x[k] -= x[k + 1] @ factor.below[k]
-        x[k] = blas.dtrsm(1.0, factor.L[k].T, x[k].T, lower=0).T
-    return x

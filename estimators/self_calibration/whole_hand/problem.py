@@ -19,6 +19,7 @@ from handscope.estimators.self_calibration.problem import (
     Problem,
     Unknowns,
     apply_increment,
+    flexion_at,
     parameter_columns,
     with_flexion,
 )
@@ -156,6 +157,15 @@ def apply_hand_increment(
     return HandPlace(
         limbs, at.error + samples[:, where.error], at.skin_turn + turn, at.skin_slide + slide, law
     )
+
+
+def at_samples(
+    problem: HandProblem, at: HandPlace, samples: Indices
+) -> tuple[HandProblem, HandPlace]:
+    """Joints and place of some samples; the readings stay those of all."""
+    limbs = tuple(flexion_at(limb, samples) for limb in problem.limbs)
+    places = tuple(replace(place, q_GS=place.q_GS[samples]) for place in at.limbs)
+    return replace(problem, limbs=limbs), replace(at, limbs=places, error=at.error[samples])
 
 
 def root_joint(chain: Chain) -> int:

@@ -25,17 +25,16 @@ from handscope.estimators.self_calibration.solver import (
 )
 from handscope.estimators.self_calibration.uncertainty import (
     parameter_covariance,
-    posterior,
     sandwich_covariance,
 )
 from handscope.estimators.self_calibration.whole_hand import normal_equations as hand_equations
 from handscope.estimators.self_calibration.whole_hand import problem as whole_hand_problem
-from handscope.estimators.self_calibration.whole_hand.normal_equations import HandFactor, HandNormal
+from handscope.estimators.self_calibration.whole_hand import residuals as hand_residuals
+from handscope.estimators.self_calibration.whole_hand.normal_equations import HandFactor
 from handscope.estimators.self_calibration.whole_hand.problem import HandPlace, HandProblem
 
 NEAR = 0.05  # decrease of the cost for each parameter: a third of a standard deviation of each
 UNDAMPED = 1e-8
-DRAWN = 8  # draws at once
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,6 @@ class HandSolution:
     at: HandPlace
     outcome: Outcome
     costs: tuple[float, ...]
-    normal: HandNormal
     factor: HandFactor
     pulled: Array  # (P,) sandwich_covariance.squared_pulls
 
@@ -65,21 +63,19 @@ def solve(
     last: list[_Factored] = []
     result = levenberg_marquardt(
         ProblemOps(
-            whole_hand_problem.with_hand_flexion, hand_equations.cost, partial(_linearise, last)
+            whole_hand_problem.with_hand_flexion, hand_residuals.cost, partial(_linearise, last)
         ),
         problem,
         start,
         limits,
         go_on,
     )
-    if last and _is_near(last[0], result):
-        normal, raw = last[0].normal, last[0].factor
-    else:
-        last.clear()
-        whole = hand_equations.build_normal_equations(result.problem, result.at)
-        normal, raw = hand_equations.without_band(whole), hand_equations.factorise(whole)
-        del whole
-    pulls = sandwich_covariance.hand_pulls(result.problem, result.at, normal, raw)
+    raw = (
+        last[0].factor
+        if last and _is_near(last[0], result)
+        else hand_equations.factorise(result.problem, result.at)
+    )
+    pulls = sandwich_covariance.hand_pulls(result.problem, result.at, raw)
     factor = replace(
         raw,
         covariance=sandwich_covariance.widen_covariance(
@@ -91,7 +87,6 @@ def solve(
         result.at,
         result.outcome,
         result.costs,
-        normal,
         factor,
         sandwich_covariance.squared_pulls(pulls, raw.covariance),
     )
@@ -108,14 +103,14 @@ def _corrected_covariance(
         np.zeros(where.count),
     )
     before[where.skin, where.skin] = np.diag(
-        1 / hand_equations.hand_tissue_priors(problem, at)[1] ** 2
+        1 / hand_residuals.hand_tissue_priors(problem, at)[1] ** 2
     )
     arms = []
     for k, (limb, place, one, together) in enumerate(
         zip(problem.limbs, at.limbs, alone, where.parameters)
     ):
         cols = together[: parameter_columns(limb.chain).count]
-        slopes = hand_equations.limb_priors(limb, place, shares=k == 0)[1]
+        slopes = hand_residuals.limb_priors(limb, place, shares=k == 0)[1]
         spurious[np.ix_(cols, cols)] += one.spurious_information
         before[np.ix_(cols, cols)] += slopes.T @ slopes
         variances[cols] = parameter_covariance.bias_walk_variance(limb)
@@ -133,15 +128,13 @@ class _Factored:
     """The last factor of the minimisation."""
 
     cost: float  # where it was made
-    damping: float
-    normal: HandNormal
     factor: HandFactor
 
 
 def _is_near(last: _Factored, result: DescentResult[HandProblem, HandPlace]) -> bool:
     """Whether the last factor holds for the minimum, too: the cost has decreased little since, for so many unknowns."""
     return (
-        last.damping <= UNDAMPED
+        last.factor.damping <= UNDAMPED
         and result.outcome == "converged"
         and last.cost - result.costs[-1] < NEAR * last.factor.layout.count
     )
@@ -150,30 +143,15 @@ def _is_near(last: _Factored, result: DescentResult[HandProblem, HandPlace]) -> 
 def _linearise(
     last: list[_Factored], problem: HandProblem, at: HandPlace
 ) -> Linearised[HandProblem, HandPlace]:
-    last.clear()  # frees the old factor before a new one is made
-    built = hand_equations.build_normal_equations(problem, at)
-    whole: HandNormal | None = built
-    cost = built.cost
+    cost = hand_residuals.cost(problem, at)
 
     def damped(damping: float) -> HandPlace:
-        nonlocal whole  # its band goes once it is factored
-        if whole is None:  # the step before was refused
-            last.clear()
-            whole = hand_equations.build_normal_equations(problem, at)
-        factor = hand_equations.factorise(whole, damping)
-        normal, whole = hand_equations.without_band(whole), None
-        last[:] = [_Factored(cost, damping, normal, factor)]
-        step = hand_equations.solve_step(normal, factor)
+        factor = hand_equations.factorise(problem, at, damping)
+        last[:] = [_Factored(cost, factor)]
+        step = hand_equations.solve_step(factor)
         return whole_hand_problem.apply_hand_increment(at, problem, step.turns, step.parameters)
 
-    def chord(other: HandProblem, there: HandPlace) -> tuple[float, HandPlace]:
-        gradient = hand_equations.with_gradient(last[0].normal, other, there)
-        step = hand_equations.solve_step(gradient, last[0].factor)
-        return gradient.cost, whole_hand_problem.apply_hand_increment(
-            there, other, step.turns, step.parameters
-        )
-
-    return Linearised(cost, damped, chord)
+    return Linearised(cost, damped)
 
 
 def split_limbs(solution: HandSolution) -> list[Solution]:
@@ -210,21 +188,13 @@ def worst_joints(solution: HandSolution) -> list[tuple[int, float]]:
     ]
 
 
-def draw_places(solution: HandSolution, count: int) -> Iterator[tuple[Unknowns, ...]]:
-    """Draws from the posterior: unknowns of all limbs."""
-    n, each, P = len(solution.problem), solution.factor.layout.each, solution.factor.layout.count
-    for first in range(0, count, DRAWN):
-        which = range(first, min(first + DRAWN, count))
-        numbers = np.stack([posterior.normal_numbers(n * each + P, k) for k in which])
-        for step in hand_equations.draw_steps(
-            solution.normal,
-            solution.factor,
-            numbers[:, : n * each].reshape(-1, n, each),
-            numbers[:, n * each :],
-        ):
-            yield whole_hand_problem.remove_hand_tissue(
-                solution.problem,
-                whole_hand_problem.apply_hand_increment(
-                    solution.at, solution.problem, step.turns, step.parameters
-                ),
-            )
+def draw_places(
+    solution: HandSolution, count: int, samples: Indices
+) -> Iterator[tuple[Unknowns, ...]]:
+    """Draws from the posterior: unknowns of all limbs, orientations of these samples."""
+    problem, at = whole_hand_problem.at_samples(solution.problem, solution.at, samples)
+    for step in hand_equations.draw_steps(solution.factor, count, samples):
+        yield whole_hand_problem.remove_hand_tissue(
+            problem,
+            whole_hand_problem.apply_hand_increment(at, problem, step.turns, step.parameters),
+        )

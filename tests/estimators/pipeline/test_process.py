@@ -1,15 +1,19 @@
 """From a recording to the hand's movement: which calibration is taken, and what is said about it."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from handscope.estimators.alignment import accelerometer_bias
 from handscope.estimators.data.calibration import PriorCalibration
 from handscope.estimators.data.samples import Block, Event
 from handscope.estimators.errors import InputError
-from handscope.estimators.methods import m2
+from handscope.estimators.hand.anatomy import SEGMENTS
+from handscope.estimators.methods import ekf, m2
 from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.simulation.scenario import Simulated
 from handscope.estimators.simulation.sensors import IDEAL
@@ -122,6 +126,31 @@ def test_seats_and_lengths_found_before_serve_a_pose() -> None:
     assert done.geometry.lengths["ring_middle"] == worn.geometry.lengths["ring_middle"]
     assert done.q_BS_sd == seats_sd and done.lengths_sd == lengths_sd
     assert "self-calibration" in done.description
+
+
+def test_accelerometer_biases_found_before_are_taken_off() -> None:
+    """The angles are those of accelerometers without biases, within 0.05 deg; left in they cost ten times as much."""
+    worn, rng = pose_and_wiggle("left"), np.random.default_rng(2)
+    biases = {s: rng.normal(0, 0.1, 3) for s in SEGMENTS}
+    spoilt = with_samples(worn, {n: _biased(b, biases) for n, b in worn.samples.items()})
+    mounting = dict(zip(worn.sensors.segments, worn.sensors.q_BS))
+    known = PriorCalibration(
+        "left", mounting, {}, {}, dict.fromkeys(mounting, np.full(3, 0.005)), {}, acc_bias=biases
+    )
+    right, taken_off, left_in = (
+        process(ekf, ekf.Params(), recording, known=one).trajectory.angles
+        for recording, one in (
+            (worn, replace(known, acc_bias={})),
+            (spoilt, known),
+            (spoilt, replace(known, acc_bias={})),
+        )
+    )
+    off, without = (np.degrees(np.nanmax(np.abs(a - right))) for a in (taken_off, left_in))
+    assert off < 0.05 and without > 10 * off
+
+
+def _biased(block: Block, biases: Mapping[str, Array]) -> Block:
+    return accelerometer_bias.subtract(block, {s: -b for s, b in biases.items()})
 
 
 def test_what_was_found_of_the_other_hand_is_refused() -> None:

@@ -84,7 +84,10 @@ def test_the_size_of_the_noise_is_found(solved: Solution) -> None:
 def test_standard_deviations_are_honest(which: str, request: pytest.FixtureRequest) -> None:
     found: Solution = request.getfixturevalue(which)
     drawn = np.array(
-        [lengths(at) for at in posterior.draw_places(found.problem, found.at, found.factor, 60)]
+        [
+            lengths(at)
+            for at in posterior.draw_places(found.problem, found.at, found.factor, 60, np.arange(2))
+        ]
     )
     off = (lengths(found.at) - artificial_finger.HINGES) / drawn.std(axis=0)
     assert np.abs(off).max() < 3.0
@@ -108,7 +111,9 @@ def test_draws_agree_with_the_covariance(solved: Solution) -> None:
     drawn = np.array(
         [
             at.bias_gyr.ravel()
-            for at in posterior.draw_places(solved.problem, solved.at, solved.factor, 150)
+            for at in posterior.draw_places(
+                solved.problem, solved.at, solved.factor, 150, np.arange(2)
+            )
         ]
     )
     np.testing.assert_allclose(

@@ -21,6 +21,7 @@ def test_what_movement_told_comes_back_and_what_a_nominal_mounting_told_does_not
         calibrated(pose_and_wiggle("left")),
         q_BS_sd={"index_proximal": TOLD, "index_distal": NOT_TOLD},
         lengths_sd={"index_proximal": 2e-4},
+        acc_bias={"hand": np.array([0.1, -0.2, 0.05])},
     )
     path = tmp_path / "sub-01_task-free_desc-map_calibration.json"
     path.write_text(json.dumps(calibration_table(found)))
@@ -34,6 +35,8 @@ def test_what_movement_told_comes_back_and_what_a_nominal_mounting_told_does_not
     np.testing.assert_array_equal(known.q_BS_sd["index_proximal"], TOLD)
     assert known.lengths_sd == {"index_proximal": 2e-4}
     np.testing.assert_array_equal(known.gyr_bias["hand"], found.gyr_bias["hand"])
+    np.testing.assert_array_equal(known.acc_bias["hand"], found.acc_bias["hand"])
+    assert not known.of_hand().acc_bias, "another glove has other sensors"
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from handscope.estimators.self_calibration.result import Finger
 from handscope.estimators.self_calibration.solver import Solution
 from handscope.estimators.self_calibration.uncertainty import sandwich_covariance
 from handscope.estimators.self_calibration.whole_hand import normal_equations as hand_equations
+from handscope.estimators.self_calibration.whole_hand import residuals as hand_residuals
 from tests.estimators.self_calibration.whole_hand.test_normal_equations import _somewhere
 
 
@@ -26,19 +27,18 @@ def test_the_groups_together_pull_as_the_whole_does(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(sandwich_covariance, "TOGETHER", 0.02)
     monkeypatch.setattr(sandwich_covariance, "GROUPS", 2)
     problem, at = _somewhere()
-    normal = hand_equations.build_normal_equations(problem, at)
-    factor = hand_equations.factorise(normal)
-    pulls = sandwich_covariance.hand_pulls(problem, at, normal, factor)
-    before = np.zeros(normal.layout.count)
-    off, sd = hand_equations.hand_tissue_priors(problem, at)
-    before[normal.layout.skin] = off / sd
-    for k, (limb, place, cols) in enumerate(zip(problem.limbs, at.limbs, normal.layout.parameters)):
-        r, slopes = hand_equations.limb_priors(limb, place, shares=k == 0)
+    factor = hand_equations.factorise(problem, at)
+    pulls = sandwich_covariance.hand_pulls(problem, at, factor)
+    before = np.zeros(factor.layout.count)
+    off, sd = hand_residuals.hand_tissue_priors(problem, at)
+    before[factor.layout.skin] = off / sd
+    for k, (limb, place, cols) in enumerate(zip(problem.limbs, at.limbs, factor.layout.parameters)):
+        r, slopes = hand_residuals.limb_priors(limb, place, shares=k == 0)
         before[cols[: slopes.shape[1]]] += slopes.T @ r
     assert len(pulls) == -(-len(problem) // 2)
     np.testing.assert_allclose(
         -factor.covariance @ (pulls.sum(axis=0) + before),
-        hand_equations.solve_step(normal, factor).parameters,
+        hand_equations.solve_step(factor).parameters,
         rtol=1e-4,
         atol=1e-6,
     )

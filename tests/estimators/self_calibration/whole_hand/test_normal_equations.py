@@ -7,6 +7,7 @@ import pytest
 
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
+from handscope.estimators.self_calibration import normal_equations as residual_equations
 from handscope.estimators.self_calibration import residuals
 from handscope.estimators.self_calibration.problem import (
     Noise,
@@ -16,8 +17,10 @@ from handscope.estimators.self_calibration.problem import (
     build_problem,
     with_lengths,
 )
+from handscope.estimators.self_calibration.uncertainty import posterior
 from handscope.estimators.self_calibration.whole_hand import normal_equations
 from handscope.estimators.self_calibration.whole_hand import problem as whole_hand_problem
+from handscope.estimators.self_calibration.whole_hand import residuals as hand_residuals
 from handscope.estimators.self_calibration.whole_hand.problem import HandPlace, HandProblem
 
 SAMPLES = 5
@@ -87,11 +90,11 @@ def _whole(problem: HandProblem, at: HandPlace) -> Array:
     """All residuals in a row (m,)."""
     parts = [
         (at.error / whole_hand_problem.error_sd(problem)[:, None]).ravel(),
-        normal_equations.hand_tissue_priors(problem, at)[0],
+        hand_residuals.hand_tissue_priors(problem, at)[0],
     ]
     for k, (limb, place) in enumerate(zip(problem.limbs, at.limbs)):
-        parts += [terms.r.ravel() for terms in normal_equations.terms_of(problem, at, k)]
-        parts.append(normal_equations.limb_priors(limb, place, shares=k == 0)[0])
+        parts += [terms.r.ravel() for terms in hand_residuals.terms_of(problem, at, k)]
+        parts.append(hand_residuals.limb_priors(limb, place, shares=k == 0)[0])
     return np.concatenate(parts)
 
 
@@ -118,23 +121,21 @@ def dense(somewhere: tuple[HandProblem, HandPlace]) -> tuple[Array, Array]:
     return _whole(*somewhere), _slopes(*somewhere)
 
 
-@pytest.mark.parametrize("together", [1, normal_equations.TOGETHER])
+@pytest.mark.parametrize("piece", [2, 4, normal_equations.PIECE])
 def test_the_step_and_the_covariance_are_those_of_a_dense_solver(
     somewhere: tuple[HandProblem, HandPlace],
     dense: tuple[Array, Array],
-    together: int,
+    piece: int,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Of numerical derivatives: a wrong derivative, a block in a wrong place, a shared row counted twice would all show; however many pairs go together."""
-    monkeypatch.setattr(normal_equations, "TOGETHER", together)
+    """Of numerical derivatives: a wrong derivative, a block in a wrong place, a row counted twice would all show; however many samples go together."""
+    monkeypatch.setattr(normal_equations, "PIECE", piece)
     (problem, at), (r, J) = somewhere, dense
-    normal = normal_equations.build_normal_equations(problem, at)
-    factor = normal_equations.factorise(normal)
-    step = normal_equations.solve_step(normal, factor)
-    scale = np.sqrt((J**2).sum(axis=0))
-    root = np.linalg.inv((J / scale).T @ (J / scale)) / np.outer(scale, scale)
-    n, sd = SAMPLES * normal.layout.each, np.sqrt(np.diag(root))
-    assert normal.cost == pytest.approx(0.5 * (r**2).sum(), rel=1e-12)
+    factor = normal_equations.factorise(problem, at)
+    step = normal_equations.solve_step(factor)
+    root, n = _covariance(J), SAMPLES * factor.layout.each
+    sd = np.sqrt(np.diag(root))
+    assert hand_residuals.cost(problem, at) == pytest.approx(0.5 * (r**2).sum(), rel=1e-12)
     np.testing.assert_allclose(
         np.concatenate([step.turns.ravel(), step.parameters]) / sd,
         -root @ (J.T @ r) / sd,
@@ -147,52 +148,77 @@ def test_the_step_and_the_covariance_are_those_of_a_dense_solver(
     )
 
 
+def _covariance(J: Array) -> Array:
+    scale = np.sqrt((J**2).sum(axis=0))
+    return np.asarray(np.linalg.inv((J / scale).T @ (J / scale)) / np.outer(scale, scale))
+
+
+@pytest.mark.parametrize("piece", [2, normal_equations.PIECE])
 def test_draws_have_the_equations_covariance(
-    somewhere: tuple[HandProblem, HandPlace], dense: tuple[Array, Array]
+    somewhere: tuple[HandProblem, HandPlace],
+    dense: tuple[Array, Array],
+    piece: int,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    (problem, at), (_, J) = somewhere, dense
-    normal = normal_equations.build_normal_equations(problem, at)
-    factor = normal_equations.factorise(normal)
-    each, n = normal.layout.each, SAMPLES * normal.layout.each
-    numbers = np.eye(n + normal.layout.count)
-    drawn = normal_equations.draw_steps(
-        normal, factor, numbers[:, :n].reshape(-1, SAMPLES, each), numbers[:, n:]
+    monkeypatch.setattr(normal_equations, "PIECE", piece)
+    factor = normal_equations.factorise(*somewhere)
+    n = SAMPLES * factor.layout.each
+    numbers = np.eye(n + factor.layout.count)
+    monkeypatch.setattr(
+        posterior,
+        "normal_numbers",
+        lambda count, which, first=0: numbers[which, first : first + count],
     )
+    drawn = normal_equations.draw_steps(factor, len(numbers), np.arange(SAMPLES))
     root = np.array([np.concatenate([step.turns.ravel(), step.parameters]) for step in drawn]).T
-    np.testing.assert_allclose(
-        (J @ root).T @ (J @ root), np.eye(n + normal.layout.count), atol=1e-3
-    )
+    J = dense[1]
+    np.testing.assert_allclose((J @ root).T @ (J @ root), numbers, atol=1e-3)
+    some = normal_equations.draw_steps(factor, 3, np.array([0, 3]))
+    np.testing.assert_array_equal(some[2].turns, drawn[2].turns[[0, 3]])
 
 
-@pytest.mark.parametrize("together", [1, 2, normal_equations.TOGETHER])
-def test_groups_of_samples_pull_the_parameters_as_each_does_alone(
-    somewhere: tuple[HandProblem, HandPlace], together: int, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("piece", [2, 4, normal_equations.PIECE])
+def test_groups_of_samples_pull_the_parameters_as_a_dense_solver_says(
+    somewhere: tuple[HandProblem, HandPlace],
+    dense: tuple[Array, Array],
+    piece: int,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Groups of two samples, of which each touches the sample before it and the one behind it."""
-    monkeypatch.setattr(normal_equations, "TOGETHER", together)
-    normal = normal_equations.build_normal_equations(*somewhere)
-    factor = normal_equations.factorise(normal)
-    apart = np.zeros((3, SAMPLES, normal.layout.each))
+    monkeypatch.setattr(normal_equations, "PIECE", piece)
+    factor, J = normal_equations.factorise(*somewhere), dense[1]
+    apart = np.zeros((3, SAMPLES, factor.layout.each))
     for group, v in enumerate(apart):
         near = slice(max(2 * group - 1, 0), 2 * group + 3)
         v[near] = np.random.default_rng(group).normal(size=v[near].shape)
     both = np.stack([apart[0] + apart[2], apart[1]])
+    n = SAMPLES * factor.layout.each
+    flat, scale = apart.reshape(3, -1), np.sqrt((J[:, :n] ** 2).sum(axis=0))
+    of_samples = np.linalg.solve((J[:, :n] / scale).T @ (J[:, :n] / scale), (flat / scale).T)
+    expected = (J[:, n:].T @ (J[:, :n] / scale) @ of_samples).T
     np.testing.assert_allclose(
-        normal_equations.project_groups(normal, factor, both, 2),
-        normal_equations.project_on_parameters(normal, factor, apart),
-        rtol=1e-6,
+        normal_equations.project_groups(factor, both, 2) / np.abs(expected).max(),
+        expected / np.abs(expected).max(),
+        atol=1e-5,
     )
 
 
 def test_derivatives_of_what_is_seen_on_the_hand(
     somewhere: tuple[HandProblem, HandPlace], dense: tuple[Array, Array]
 ) -> None:
-    """The gradient, by every unknown."""
+    """The gradient, by every parameter while the trajectory stays."""
     (problem, at), (r, J) = somewhere, dense
-    normal, gradient = normal_equations.build_normal_equations(problem, at), J.T @ r
-    n = SAMPLES * normal.layout.each
-    scale = np.sqrt((J**2).sum(axis=0)) * np.sqrt((r**2).sum())
-    np.testing.assert_allclose(normal.c / scale[n:], gradient[n:] / scale[n:], atol=1e-8)
+    where = whole_hand_problem.layout(problem)
+    n, found = SAMPLES * where.each, np.zeros(where.count)
+    off, sd = hand_residuals.hand_tissue_priors(problem, at)
+    found[where.skin] = off / sd
+    for k, cols in enumerate(where.parameters):
+        rows, slopes = hand_residuals.limb_priors(problem.limbs[k], at.limbs[k], shares=k == 0)
+        found[cols[: slopes.shape[1]]] += slopes.T @ rows
+        for terms in hand_residuals.terms_of(problem, at, k):
+            found[cols[terms.cols]] += np.einsum("tmp,tm->p", terms.by_parameters, terms.r)
+    scale = np.sqrt((J**2).sum(axis=0))[n:] * np.sqrt((r**2).sum())
+    np.testing.assert_allclose(found / scale, (J.T @ r)[n:] / scale, atol=1e-8)
 
 
 def test_one_limb_alone_is_the_problem_that_it_is_alone(
@@ -205,11 +231,19 @@ def test_one_limb_alone_is_the_problem_that_it_is_alone(
     still = HandPlace(
         (place,), np.zeros((SAMPLES, 3)), np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1)
     )
-    normal = normal_equations.build_normal_equations(one, still)
-    where = normal.layout.error
-    A = normal.limbs[0].A[:, 0][:, where, where] + np.eye(3) / normal.error_sd[:, None, None] ** 2
-    a = normal.limbs[0].a[:, where]
-    least = normal.cost - 0.5 * sum(v @ np.linalg.solve(M, v) for M, v in zip(A, a))
+    A, a = np.zeros((SAMPLES, 3, 3)), np.zeros((SAMPLES, 3))
+    sd = whole_hand_problem.error_sd(one)[:, None]
+    A += np.eye(3) / sd[..., None] ** 2
+    for terms in hand_residuals.terms_of(one, still, 0):
+        if terms.knots == residual_equations.SPAN:  # joints see the error in their middle sample
+            T = len(terms.r)
+            by = terms.by_turns.reshape(T, -1, terms.knots, 3 * len(limb.chain.sensors) + 3)
+            seen = by[:, :, 1, -3:]
+            A[1 : T + 1] += np.einsum("tmi,tmj->tij", seen, seen)
+            a[1 : T + 1] += np.einsum("tmi,tm->ti", seen, terms.r)
+    least = hand_residuals.cost(one, still) - 0.5 * sum(
+        v @ np.linalg.solve(M, v) for M, v in zip(A, a)
+    )
     together = 0.5 * sum(
         (kind(limb, place, 0, SAMPLES).r ** 2).sum() for kind in residuals.EVERY_SAMPLE
     )
