@@ -91,7 +91,7 @@ def read_upload(upload: Path, name: str, hand: Hand | None) -> Upload:
     try:
         recording = formats_recordings.load(upload, hand)
     except InputError as mistake:
-        raise InputError(str(mistake).replace(upload.name, Path(name).name)) from None
+        raise _named(mistake, upload.name, Path(name).name) from None
     return Upload(
         recording.hand,
         _start_of(recording),
@@ -99,6 +99,17 @@ def read_upload(upload: Path, name: str, hand: Hand | None) -> Upload:
         native.file_checksum(upload),
         summary(recording),
     )
+
+
+def _named(mistake: InputError, stored: str, name: str) -> InputError:
+    """The same mistake of a file that its user calls `name`."""
+    if mistake.message is None:
+        return InputError(str(mistake).replace(stored, name))
+    values = {
+        key: value.replace(stored, name) if type(value) is str else value
+        for key, value in mistake.message.values.items()
+    }
+    return InputError(replace(mistake.message, values=values))
 
 
 def store_upload(

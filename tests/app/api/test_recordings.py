@@ -429,6 +429,16 @@ def test_a_hand_that_contradicts_the_recording_is_refused(
     answer = upload(client, patient, packed, hand="right")
     assert answer.status_code == 422
     assert "recorded on the left hand, not on the right one" in answer.json()["error"]
+    assert answer.json()["code"] == "motion_bids.other_hand"
+    assert answer.json()["values"]["name"] == "r.zip"
+    german = {"Accept-Language": "de"}
+    told = client.post(
+        f"/api/patients/{patient}/recordings",
+        files={"file": ("r.zip", packed)},
+        data={"hand": "right"},
+        headers=german,
+    )
+    assert "r.zip" in told.json()["error"] and told.json()["error"] != answer.json()["error"]
 
 
 def test_an_upload_that_is_too_large_is_refused_while_it_comes(
