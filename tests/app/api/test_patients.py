@@ -131,6 +131,14 @@ def test_facts_that_make_no_sense_are_refused(
     assert client.get("/api/patients").json() == before
 
 
+def test_letters_beyond_ascii_are_found_in_either_case(client: TestClient) -> None:
+    made = client.post("/api/patients", json={"pseudonym": "Ünï-Ω-42"}).json()
+    for search in ("ünï", "ÜNÏ-ω", "Ünï-Ω-42", "Ω-4"):
+        found = client.get("/api/patients", params={"search": search})
+        assert [p["id"] for p in found.json()] == [made["id"]]
+        assert found.headers["X-Total-Count"] == "1"
+
+
 def test_a_pseudonym_is_given_once(client: TestClient) -> None:
     assert client.post("/api/patients", json={"pseudonym": "twice"}).status_code == 201
     again = client.post("/api/patients", json={"pseudonym": "twice"})
