@@ -9,6 +9,7 @@ from handscope.app.api import progress
 from handscope.app.example_patients.patients import UNFINISHED
 from handscope.app.example_patients.stories import STORIES
 from handscope.app.settings import Settings
+from handscope.sessions.db.columns import now
 from handscope.sessions.store.store import Store
 from tests.app.closed_connection import status_of
 
@@ -116,7 +117,12 @@ def test_a_note_is_written_corrected_removed_and_brought_back(
     [
         ({"pseudonym": "   "}, "1 to 64 characters"),
         ({"pseudonym": "x" * 65}, "1 to 64 characters"),
+        ({"pseudonym": "x" * 500}, "1 to 64 characters"),
         ({"pseudonym": "y", "year_of_birth": 12}, "year of birth 12 is outside"),
+        (
+            {"pseudonym": "y", "year_of_birth": now().year + 1},
+            f"is outside 1900 to {now().year}",
+        ),
         ({"pseudonym": "y", "dominant_hand": "both"}, "dominant hand is left or right"),
         ({"pseudonym": "y", "name": "Ada"}, "name: "),
     ],
