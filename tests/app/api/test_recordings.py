@@ -468,7 +468,7 @@ def test_a_full_disk_refuses_uploads_and_sessions_in_words(
     for answer in (
         upload(client, patient, packed),
         client.post(
-            f"/api/patients/{patient}/sessions", json={"hand": "left", "port": "/dev/null"}
+            f"/api/patients/{patient}/sessions", json={"hand": "left", "port": "/dev/ttyABSENT"}
         ),
     ):
         assert answer.status_code == 422
