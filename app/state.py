@@ -112,8 +112,9 @@ def language(
 
 
 def preferred(connection: HTTPConnection) -> Language:
-    """The language that the browser asks for."""
-    return languages.preferred(connection.headers.get("accept-language", ""))
+    """The language that the address asks for (`?language=de`) where there is it, else that of the browser."""
+    asked = languages.languages().get(connection.query_params.get("language", ""))
+    return asked or languages.preferred(connection.headers.get("accept-language", ""))
 
 
 StationDep = Annotated[AnyStation, Depends(station_of)]

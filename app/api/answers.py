@@ -138,6 +138,7 @@ class SessionRow(TypedDict):
     continues: int | None  # session of the other hand in the same visit, that it follows
     state: str
     started: datetime
+    dated: bool  # false: nothing tells when it was recorded, and `started` is the instant of the upload
     recorded_as: datetime | None  # date of the clock, where it was corrected
     date_reason: str
     trunk_height: float | None

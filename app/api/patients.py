@@ -33,12 +33,13 @@ from handscope.sessions.wards import wards
 
 router = APIRouter(tags=["patients"], dependencies=[requires_role(CLINICIAN)])
 MOST = 200  # patients in one answer
+TYPED = 2000  # characters of a field that has a rule of its own
 
 
 class NewPatient(Incoming):
     """A new patient, under a pseudonym."""
 
-    pseudonym: str = Field(description="a code, never a name", max_length=200)
+    pseudonym: str = Field(description="a code, never a name", max_length=TYPED)
     ward: int | None = Field(
         None, description="one of the account's wards; without it the first of them"
     )
@@ -57,7 +58,7 @@ class PatientChange(Incoming):
     version: int = Field(
         description="the version that was seen; somebody else's change meanwhile is refused"
     )
-    pseudonym: str | None = Field(None, max_length=200)
+    pseudonym: str | None = Field(None, max_length=TYPED)
     ward: int | None = Field(None, description="the ward that the patient is moved to")
     year_of_birth: int | None = None
     dominant_hand: str | None = None

@@ -294,6 +294,7 @@ def session_row(s: PatientSession) -> SessionRow:
         "continues": s.continues_id,
         "state": s.state,
         "started": s.started,
+        "dated": records.is_dated(s),
         "recorded_as": s.recorded_as,
         "date_reason": s.date_reason,
         "trunk_height": s.trunk_height if s.trunk_corrected is None else s.trunk_corrected,

@@ -1,6 +1,8 @@
 """Where a glove's bytes come from: the machine's serial ports, and addresses in the network. Virtual gloves are opened by the same code."""
 
 import errno
+import os
+import re
 import socket
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,6 +30,9 @@ BAUD = 115200  # ignored by USB; a value that every driver takes
 READ_WAIT = 0.1  # s that a read waits for the first byte
 CONNECT_WAIT = 3.0  # s until a host that does not answer is given up, for this try
 RELAY = "relay://"  # the port of the browser that begins the session; then the session's number
+SERIAL = re.compile(
+    r"/dev/(tty[A-Za-z]\w*|(tty|cu)\.[\w.-]+|rfcomm\d+|pts/\d+)|(\\\\\.\\)?COM\d+"
+)  # names of serial ports and pseudo-terminals on Linux, macOS and Windows
 NETWORK = {
     "socket": "the wire protocol over TCP",
     "rfc2217": "the wire protocol over a serial port that another machine serves (RFC 2217)",
@@ -56,20 +61,30 @@ def is_relay(port: str) -> bool:
     return port.startswith(RELAY)
 
 
+def is_serial(port: str) -> bool:
+    """Whether a name is one of a serial port or pseudo-terminal, plugged in or not, a link to one, or among those that the machine lists."""
+    if port.startswith("\\\\") and not port.startswith("\\\\.\\"):
+        return False  # another machine's
+    names = (port, os.path.realpath(port))
+    return any(map(SERIAL.fullmatch, names)) or any(p.path == port for p in available())
+
+
 def is_network(port: str) -> bool:
     """Whether a port is an address, not a serial port of this machine."""
     return "://" in port
 
 
 def require_allowed(port: str, patterns: Sequence[str]) -> None:
-    """Refuse an address that no pattern of the administrator allows, before any name is looked up.
+    """Refuse what is no serial port of this machine and what no pattern of the administrator allows, before any name is looked up.
 
-    Patterns are shell patterns over the whole address (`socket://10.1.2.*:4000`). Ports of this
-    machine are always allowed. Raises InputError.
+    Patterns are shell patterns over the whole address (`socket://10.1.2.*:4000`) or path. Whether a
+    path exists changes nothing. Raises InputError.
     """
-    if port.startswith("\\\\") and not port.startswith("\\\\.\\"):
-        raise InputError("device.not_a_local_port", port=port)
-    if not is_network(port) or port == RELAY:
+    if not is_network(port):
+        if not is_serial(port) and not any(fnmatchcase(port, pattern) for pattern in patterns):
+            raise InputError("device.not_a_local_port", port=port or '""')
+        return
+    if port == RELAY:
         return
     require_address(port)
     if not any(fnmatchcase(port, pattern) for pattern in patterns):

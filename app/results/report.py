@@ -57,9 +57,10 @@ def comparisons_of(result: Result, number: int | None = None) -> Comparisons:
 def report(store: Store, result: Result, number: int | None = None) -> Content:
     """Content of a result's report; `number` chooses a version of its references, None the newest."""
     session, patient = result.recording.session, result.recording.session.patient
+    date = session.started if records.is_dated(session) else None
     visit = Visit(
         patient=patient.pseudonym,
-        date=session.started,
+        date=date,
         recorded_as=session.recorded_as,
         date_reason=session.date_reason,
         examiner=session.examiner,
@@ -77,7 +78,7 @@ def report(store: Store, result: Result, number: int | None = None) -> Content:
     return replace(
         load_report(store, result),
         visit=visit,
-        date=session.started,
+        date=date,
         changes=found.changes,
         course=found.course,
         compared=found.compared,

@@ -15,11 +15,11 @@ from handscope.sessions.clinic import trunk_height
 from handscope.sessions.clinic.pseudonyms import require_code
 from handscope.sessions.db.conflicts import ConflictError, require_seen
 from handscope.sessions.db.plain_text import require_plain
-from handscope.sessions.db.tables import Note, Patient, PatientSession
+from handscope.sessions.db.tables import Note, Patient, PatientSession, now
 
 Rows = TypeVarTuple("Rows")
 LONGEST_PSEUDONYM = 64
-YEARS = (1900, 2100)
+FIRST_YEAR = 1900  # of birth
 CHANGEABLE = (
     "pseudonym",
     "ward_id",
@@ -128,10 +128,9 @@ def _check(patient: Patient) -> None:
         raise InputError("clinic.hand_side", what=phrase("clinic.dominant_hand"))
     if patient.affected_hand not in (None, *HANDS, "both"):
         raise InputError("clinic.hand_side", what=phrase("clinic.affected_hand"))
-    if patient.year_of_birth is not None and not YEARS[0] <= patient.year_of_birth <= YEARS[1]:
-        raise InputError(
-            "clinic.birth_year_outside", year=patient.year_of_birth, first=YEARS[0], last=YEARS[1]
-        )
+    year, this = patient.year_of_birth, now().year
+    if year is not None and not FIRST_YEAR <= year <= this:
+        raise InputError("clinic.birth_year_outside", year=year, first=FIRST_YEAR, last=this)
     if patient.trunk_height is not None:
         trunk_height.require_height(patient.trunk_height)
     for hand, measures in (patient.hand_measures or {}).items():

@@ -26,7 +26,7 @@ from handscope.estimators.hand.geometry import measures_from, sized
 from handscope.estimators.messages import Message, render_english
 from handscope.estimators.numerics.typing import Array
 from handscope.sessions.files.recording import LoadedRecording, require_samples
-from handscope.sessions.motion_bids import raw_forces
+from handscope.sessions.motion_bids import raw_forces, scans
 from handscope.sessions.motion_bids.events_reader import events_of
 from handscope.sessions.motion_bids.files import Files, open_files, whole, with_checksum
 from handscope.sessions.motion_bids.orientation_channels import (
@@ -100,6 +100,7 @@ def load(path: Path, hand: Hand | None = None, inertial: bool = True) -> LoadedR
             samples[block.stream.name] = block
     raw_forces.require_all(setups, calibrated)
     _refuse_double(samples)
+    start_utc = scans.start_of(files, [s.path for s in systems], warnings)
     recording = LoadedRecording(
         side,
         sized(side, measures_from(_merge_sidecars(systems, "HandGeometry"))),
@@ -107,6 +108,7 @@ def load(path: Path, hand: Hand | None = None, inertial: bool = True) -> LoadedR
         samples,
         events_of(files, inside),
         tuple(warnings),
+        start_utc=start_utc,
         checksum=checksum(),
         source={"format": "Motion-BIDS", "recording": inside, **_provenance(systems)},
         plate=plate_from(_merge_sidecars(systems, "MagnetSetup")),

@@ -19,9 +19,11 @@ from handscope.estimators.data.samples import (
     Block,
     Event,
 )
+from handscope.estimators.errors import InputError
 from handscope.estimators.force.setup import ForceSetup
 from handscope.estimators.force.setup import setup_to_table as table_of_force
 from handscope.estimators.hand.geometry import table_of
+from handscope.estimators.messages.system import describe
 from handscope.sessions.files.recording import LoadedRecording
 from handscope.sessions.tables_io.number_table import Data, NumberTable, pieces
 from handscope.sessions.tables_io.writing import save_file, save_folder
@@ -50,9 +52,16 @@ def write(
     files = {**tree(recording, subject, task, session, software), **(extra or {})}
     if path.suffix == ".zip":
         save_file(pack(files), path)
-    else:
+        return
+    try:
         path.mkdir(parents=True, exist_ok=True)
-        save_folder(files, path)
+    except FileExistsError:
+        raise InputError("export.file_in_place_of_folder", path=str(path)) from None
+    except OSError as problem:
+        raise InputError(
+            "table.folder_not_writable", folder=str(path), problem=describe(problem)
+        ) from None
+    save_folder(files, path)
 
 
 def tree(

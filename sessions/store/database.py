@@ -173,8 +173,10 @@ def _patient_again(connection: object, record: object) -> None:
         connection.execute(f"PRAGMA busy_timeout={1000 * WAIT:.0f}")  # type: ignore[attr-defined]
 
 
-def _prepare_sqlite(connection: object, record: object) -> None:
-    cursor = connection.cursor()  # type: ignore[attr-defined]
+def _prepare_sqlite(connection: Any, record: object) -> None:
+    # its own knows the letters of ASCII alone
+    connection.create_function("lower", 1, _casefold, deterministic=True)
+    cursor = connection.cursor()
     for pragma in (
         "journal_mode=WAL",
         "synchronous=FULL",
@@ -184,3 +186,7 @@ def _prepare_sqlite(connection: object, record: object) -> None:
     ):
         cursor.execute(f"PRAGMA {pragma}")
     cursor.close()
+
+
+def _casefold(value: object) -> object:
+    return value.casefold() if isinstance(value, str) else value

@@ -91,7 +91,7 @@ def read_upload(upload: Path, name: str, hand: Hand | None) -> Upload:
     try:
         recording = formats_recordings.load(upload, hand)
     except InputError as mistake:
-        raise InputError(str(mistake).replace(upload.name, Path(name).name)) from None
+        raise _named(mistake, upload.name, Path(name).name) from None
     return Upload(
         recording.hand,
         _start_of(recording),
@@ -99,6 +99,17 @@ def read_upload(upload: Path, name: str, hand: Hand | None) -> Upload:
         native.file_checksum(upload),
         summary(recording),
     )
+
+
+def _named(mistake: InputError, stored: str, name: str) -> InputError:
+    """The same mistake of a file that its user calls `name`."""
+    if mistake.message is None:
+        return InputError(str(mistake).replace(stored, name))
+    values = {
+        key: value.replace(stored, name) if type(value) is str else value
+        for key, value in mistake.message.values.items()
+    }
+    return InputError(replace(mistake.message, values=values))
 
 
 def store_upload(
@@ -228,6 +239,16 @@ def hand_of(word: str) -> Hand:
     raise InputError("store.unknown_hand", word=word)
 
 
+def is_dated(session: PatientSession) -> bool:
+    """Whether somebody or something tells when the hand was measured: else `started` is the instant of the upload."""
+    if session.recorded_as is not None:
+        return True
+    facts = [(f.summary.get("start_utc"), f) for f in session.recordings]
+    return any(
+        start or (f.format == "native" and "start_utc" not in f.summary) for start, f in facts
+    )
+
+
 def _start_of(recording: LoadedRecording) -> datetime | None:
     """When it was recorded, where the recording has that with its time zone."""
     try:
@@ -243,6 +264,7 @@ def summary(recording: LoadedRecording) -> dict[str, Any]:
     gaps = int(sum(np.isnan(b.values).any(axis=(1, 2)).sum() for b in recording.samples.values()))
     return {
         "duration": round(recording.duration, 3),
+        "start_utc": recording.start_utc,
         "streams": streams,
         "events": [event_row(e) for e in recording.events],
         "losses": dict(recording.losses),

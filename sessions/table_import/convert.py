@@ -7,7 +7,7 @@ Source  wire protocol (docs/wire-protocol.md); rules ours
 
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,9 @@ from handscope.sessions.wire.framing import Encoder
 from handscope.sessions.wire.messages import Format, Identity, StreamInfo, Strip
 
 NS = 1e9
+EPOCH = datetime.fromtimestamp(0, UTC)
+OLDEST = datetime(2000, 1, 1, tzinfo=UTC)  # that a column of times may begin to be taken for dates
+AHEAD = timedelta(days=1)  # that a logger's clock may be ahead
 START = 10.0  # s that the clock shows at the first sample
 GRAVITY_SHARE = 0.15  # of gravity that the median size of accelerations may be off
 FASTEST = 60.0  # rad/s; a gyroscope's largest full scale is 4000 deg/s = 70 rad/s
@@ -56,6 +59,17 @@ def blocks_of(table: NumberColumns, columns: ColumnMap) -> list[Block]:
     stated = {s.channels[ACC].unit for s in columns.sensors.values() if ACC in s.channels}
     _require_plausible(found, stated, table.file)
     return found
+
+
+def start_of(table: NumberColumns, columns: ColumnMap) -> datetime | None:
+    """The instant of the first row where its time counts from 1970; None where it counts from anything else."""
+    if columns.time is None:
+        return None
+    column, unit = columns.time
+    first = float(table.column(column)[0]) * SECONDS[unit]
+    if not OLDEST.timestamp() <= first <= (datetime.now(UTC) + AHEAD).timestamp():
+        return None
+    return datetime.fromtimestamp(first, UTC)
 
 
 def _strip_of(point: str) -> str:
@@ -148,11 +162,12 @@ def write_native(
     about: Mapping[str, str],
     started: datetime | None = None,
 ) -> None:
-    """A new native recording at `path`, whole or not at all; `started` is the instant of the first row, now where it is not known."""
+    """A new native recording at `path`, whole or not at all; `started` is the instant of the first row. Where it is not known the file has no date, and its clock begins at 1970."""
     encoder = Encoder()
     metadata = {"hand": columns.hand, "geometry": dict(columns.geometry), **about}
+    dated = {} if started else {"start_utc": None}
     try:
-        with Recorder(path, metadata, 0.0, started or datetime.now(UTC)) as recorder:
+        with Recorder(path, metadata | dated, 0.0, started or EPOCH) as recorder:
             for at, frame in _frames(blocks, columns, encoder):
                 recorder.write(frame, at)
             for k, event in enumerate(events):

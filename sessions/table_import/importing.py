@@ -13,7 +13,7 @@ from pathlib import Path
 from handscope.estimators.data.samples import Block, Event
 from handscope.estimators.messages import Message
 from handscope.sessions.table_import.column_map import ColumnMap, TableLayout
-from handscope.sessions.table_import.convert import blocks_of, write_native
+from handscope.sessions.table_import.convert import blocks_of, start_of, write_native
 from handscope.sessions.table_import.examine import Findings, examine
 from handscope.sessions.table_import.number_columns import NumberColumns
 from handscope.sessions.table_import.tables import read_table
@@ -40,9 +40,10 @@ def import_table(
     about: Mapping[str, str],
     started: datetime | None = None,
 ) -> Findings:
-    """A new native recording at `out`, whole or not at all; `started` is the instant of the first row, where it is known."""
+    """A new native recording at `out`, whole or not at all; `started` is the instant of the first row, None: what the table tells."""
     blocks = _blocks(path, columns)
     found = examine(blocks, columns)
+    started = started or start_of(read_once(path, columns.table), columns)
     write_native(blocks, columns, events, out, about, started)
     if any(e.trial_type in POSES for e in events):
         return found

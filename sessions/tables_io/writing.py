@@ -54,14 +54,23 @@ def _exchange(staging: Path, folder: Path, names: list[str]) -> None:
 
 
 def save_file(data: bytes, path: Path) -> None:
-    """Write one file whole or not at all."""
-    partial = path.with_name(f".{path.name}.partial")
+    """Write one file whole or not at all: a link's target in its place; a device or a pipe is written to as it is."""
     try:
-        partial.write_bytes(data)
-        os.replace(partial, path)
+        if path.exists() and not path.is_file():
+            path.write_bytes(data)
+        else:
+            _replace(Path(os.path.realpath(path)), data)
     except OSError as problem:
         raise InputError(
             "table.file_not_writable", file=str(path), problem=describe(problem)
         ) from None
+
+
+def _replace(path: Path, data: bytes) -> None:
+    """Write beside the place first; on a failure the file that stood there is as it was."""
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        partial.write_bytes(data)
+        os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)

@@ -139,7 +139,7 @@ function trail(session) {
 function facts(session) {
   return [
     t(`hand.${session.hand}.title`),
-    time(session.started),
+    session.dated ? time(session.started) : t("session.undated"),
     session.duration && t("session.length", { clock: clock(session.duration) }),
     session.examiner && t("session.examiner", { name: session.examiner }),
     ...[t(`visits.source.${session.source}`), session.plan.name && t("session.plan", session.plan)],

@@ -436,6 +436,7 @@ export interface SessionAnswer {
   continues: number | null;
   state: string;
   started: string;
+  dated: boolean;
   recorded_as: string | null;
   date_reason: string;
   trunk_height: number | null;
@@ -479,6 +480,7 @@ export interface SessionRow {
   continues: number | null;
   state: string;
   started: string;
+  dated: boolean;
   recorded_as: string | null;
   date_reason: string;
   trunk_height: number | null;
@@ -597,6 +599,7 @@ export interface Visit {
   continues: number | null;
   state: string;
   started: string;
+  dated: boolean;
   recorded_as: string | null;
   date_reason: string;
   trunk_height: number | null;

@@ -171,7 +171,7 @@ def test_a_session_left_open_overnight_is_finished_from_the_list(
         page,
         f"/api/patients/{patient}/sessions",
         "POST",
-        data={"hand": "left", "port": "/dev/null"},
+        data={"hand": "left", "port": "/dev/ttyABSENT"},
     )
     with (
         closing(sqlite3.connect(server.data / "handscope.sqlite", timeout=60)) as database,

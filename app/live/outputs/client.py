@@ -13,7 +13,9 @@ REFUSED = 4401  # web socket close code, as app/api/live/streams.py has it
 OPEN_WAIT = 10.0  # s
 
 
-def stream(url: str, token: str, every: bool = False) -> Iterator[Pose]:
+def stream(
+    url: str, token: str, every: bool = False, timeout: float | None = None
+) -> Iterator[Pose]:
     """Poses of a live session until it ends.
 
     Parameters
@@ -24,6 +26,8 @@ def stream(url: str, token: str, every: bool = False) -> Iterator[Pose]:
         Of a stream of the session.
     every
         All poses that were sent, later; without it a loop that is slower than the poses gets the newest.
+    timeout
+        How long a pose is waited for, s; without it for ever. Before the session's calibration none comes.
 
     Yields
     ------
@@ -33,7 +37,7 @@ def stream(url: str, token: str, every: bool = False) -> Iterator[Pose]:
     Raises
     ------
     InputError
-        Where nothing answers, where the token is refused, and where the connection breaks off.
+        Where nothing answers, where the token is refused, where the connection breaks off, and where no pose comes within `timeout`.
 
     Notes
     -----
@@ -58,14 +62,16 @@ def stream(url: str, token: str, every: bool = False) -> Iterator[Pose]:
         try:
             socket.recv()  # what the poses are
             while True:
-                yield from_json(json.loads(_next(socket, every)))
+                yield from_json(json.loads(_next(socket, every, timeout)))
+        except TimeoutError:
+            raise InputError("live.no_pose_within", url=url, wait=timeout or 0.0) from None
         except ConnectionClosed as closed:
             _raise_unless_ended(closed, url)
 
 
-def _next(socket: Any, every: bool) -> str:
+def _next(socket: Any, every: bool, timeout: float | None) -> str:
     """The next message, or the newest of those that wait."""
-    message: str = socket.recv()
+    message: str = socket.recv(timeout)
     while not every:
         try:
             message = socket.recv(timeout=0)

@@ -100,6 +100,15 @@ def test_findings_come_as_a_table(arrays: Any) -> None:
     assert list(arrays.check()) == ["severity", "code", "sensors", "message", "p_value"]
 
 
+def test_bids_is_not_written_where_a_file_is(arrays: Any, tmp_path: Path) -> None:
+    (tmp_path / "mydata").write_text("mine")
+    with pytest.raises(InputError, match="mydata is a file; this format is written to a folder"):
+        arrays.save_bids(tmp_path / "mydata")
+    with pytest.raises(InputError, match="cannot be written to: Not a directory"):
+        arrays.save_bids(tmp_path / "mydata" / "within")
+    assert (tmp_path / "mydata").read_text() == "mine"
+
+
 def test_bids_report_and_exports_are_written(moved: Any, arrays: Any, tmp_path: Path) -> None:
     arrays.save_bids(str(tmp_path / "mydata"))
     again = hs.load(tmp_path / "mydata")

@@ -18,6 +18,10 @@ UNIT = re.compile(r"\b(s|rad|rad/s|deg|mm|m|m/s\^2|T|SI)\b")
 ARRAYS = ("t", "gyr", "acc", "mag")
 
 
+def test_only_public_names_are_listed() -> None:
+    assert dir(handscope) == sorted(handscope.__all__)
+
+
 def functions() -> Iterator[tuple[str, Callable[..., Any]]]:
     """Exported functions, and public functions of an exported module that are named by it."""
     for name in handscope.__all__:

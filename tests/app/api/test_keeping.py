@@ -126,7 +126,7 @@ def test_a_session_that_runs_is_unfinished_and_keeps_its_patient(
 ) -> None:
     client.patch(f"/api/patients/{patient}", json={"version": 1, "trunk_height": 0.42})
     begun = client.post(
-        f"/api/patients/{patient}/sessions", json={"hand": "left", "port": "/dev/null"}
+        f"/api/patients/{patient}/sessions", json={"hand": "left", "port": "/dev/ttyABSENT"}
     ).json()
     assert client.get(f"/api/sessions/{begun['session']}").json()["trunk_height"] == 0.42
     (unfinished,) = client.get("/api/sessions/unfinished").json()

@@ -156,3 +156,10 @@ def test_what_is_malformed_and_what_there_is_not_is_refused_in_the_persons_langu
         "Unter dieser Adresse gibt es nichts",
         "Das geht unter dieser Adresse nicht",
     ]
+
+
+def test_an_error_comes_in_the_language_that_the_address_asks_for(client: TestClient) -> None:
+    by_header = client.get("/api/patients/4711", headers={"Accept-Language": "de"}).json()
+    english = client.get("/api/patients/4711").json()
+    assert by_header != english
+    assert client.get("/api/patients/4711?language=de").json() == by_header

@@ -9,6 +9,7 @@ from handscope.app.api import progress
 from handscope.app.example_patients.patients import UNFINISHED
 from handscope.app.example_patients.stories import STORIES
 from handscope.app.settings import Settings
+from handscope.sessions.db.columns import now
 from handscope.sessions.store.store import Store
 from tests.app.closed_connection import status_of
 
@@ -116,7 +117,12 @@ def test_a_note_is_written_corrected_removed_and_brought_back(
     [
         ({"pseudonym": "   "}, "1 to 64 characters"),
         ({"pseudonym": "x" * 65}, "1 to 64 characters"),
+        ({"pseudonym": "x" * 500}, "1 to 64 characters"),
         ({"pseudonym": "y", "year_of_birth": 12}, "year of birth 12 is outside"),
+        (
+            {"pseudonym": "y", "year_of_birth": now().year + 1},
+            f"is outside 1900 to {now().year}",
+        ),
         ({"pseudonym": "y", "dominant_hand": "both"}, "dominant hand is left or right"),
         ({"pseudonym": "y", "name": "Ada"}, "name: "),
     ],
@@ -129,6 +135,14 @@ def test_facts_that_make_no_sense_are_refused(
     assert answer.status_code == 422
     assert sentence in answer.json()["error"]
     assert client.get("/api/patients").json() == before
+
+
+def test_letters_beyond_ascii_are_found_in_either_case(client: TestClient) -> None:
+    made = client.post("/api/patients", json={"pseudonym": "Ünï-Ω-42"}).json()
+    for search in ("ünï", "ÜNÏ-ω", "Ünï-Ω-42", "Ω-4"):
+        found = client.get("/api/patients", params={"search": search})
+        assert [p["id"] for p in found.json()] == [made["id"]]
+        assert found.headers["X-Total-Count"] == "1"
 
 
 def test_a_pseudonym_is_given_once(client: TestClient) -> None:

@@ -36,7 +36,7 @@ def test_from_a_patient_to_a_result_and_erased(url: str, tmp_path: Path) -> None
     app = create_app(Settings(data=tmp_path, database_url=url))
     with TestClient(app, base_url="http://127.0.0.1:8420") as client:
         client.post("/api/login", json={"token": new_token(tmp_path)})
-        patient = client.post("/api/patients", json={"pseudonym": "P-1"}).json()["id"]
+        patient = client.post("/api/patients", json={"pseudonym": "PÜ-1"}).json()["id"]
         packed = writer.pack(writer.tree(loaded(pose_and_wiggle("left")), "01", "wiggle"))
         made = upload(client, patient, packed).json()
         told = wait_for(
@@ -47,7 +47,7 @@ def test_from_a_patient_to_a_result_and_erased(url: str, tmp_path: Path) -> None
             )
         )
         assert (told["state"], told["error"]) == ("done", "") and told["figures"]
-        assert client.get("/api/patients?search=p-1").json()[0]["pseudonym"] == "P-1", (
+        assert client.get("/api/patients?search=pü-1").json()[0]["pseudonym"] == "PÜ-1", (
             "letters of either case are found"
         )
         assert client.get(f"/api/patients/{2**40}").status_code == 404
@@ -58,7 +58,7 @@ def test_from_a_patient_to_a_result_and_erased(url: str, tmp_path: Path) -> None
             with pytest.raises(ConflictError):
                 patients.change(other, patient, second.version, year_of_birth=1951)
         assert (
-            client.post(f"/api/patients/{patient}/erasure", json={"pseudonym": "P-1"}).status_code
+            client.post(f"/api/patients/{patient}/erasure", json={"pseudonym": "PÜ-1"}).status_code
             == 200
         )
         assert client.get("/api/patients").json() == []

@@ -61,6 +61,22 @@ def changed(packed: bytes, name: str, change: Any) -> bytes:
     return writer.pack(files)
 
 
+def test_a_report_has_the_date_of_the_recording_or_none(
+    client: TestClient, patient: int, packed: bytes
+) -> None:
+    name = "motion/sub-01_task-wiggle_tracksys-imu_motion.tsv"
+    scans = f"filename\tacq_time\n{name}\t2025-03-01T12:00:00Z\n".encode()
+    dated = io.BytesIO(packed)
+    with zipfile.ZipFile(dated, "a") as archive:
+        archive.writestr("sub-01/sub-01_scans.tsv", scans)
+    for data, expected in ((packed, None), (dated.getvalue(), "2025-03-01T12:00:00+00:00")):
+        made = upload(client, patient, data).json()
+        assert finished(client, made["result"])["state"] == "done"
+        told = client.get(f"/api/results/{made['result']}/report.json").json()
+        session = client.get(f"/api/sessions/{made['session']}").json()
+        assert (told["session"]["date"], session["dated"]) == (expected, expected is not None)
+
+
 def test_an_upload_becomes_a_session_with_figures_and_exports(
     client: TestClient, patient: int, packed: bytes, settings: Settings
 ) -> None:
@@ -413,6 +429,16 @@ def test_a_hand_that_contradicts_the_recording_is_refused(
     answer = upload(client, patient, packed, hand="right")
     assert answer.status_code == 422
     assert "recorded on the left hand, not on the right one" in answer.json()["error"]
+    assert answer.json()["code"] == "motion_bids.other_hand"
+    assert answer.json()["values"]["name"] == "r.zip"
+    german = {"Accept-Language": "de"}
+    told = client.post(
+        f"/api/patients/{patient}/recordings",
+        files={"file": ("r.zip", packed)},
+        data={"hand": "right"},
+        headers=german,
+    )
+    assert "r.zip" in told.json()["error"] and told.json()["error"] != answer.json()["error"]
 
 
 def test_an_upload_that_is_too_large_is_refused_while_it_comes(
@@ -442,7 +468,7 @@ def test_a_full_disk_refuses_uploads_and_sessions_in_words(
     for answer in (
         upload(client, patient, packed),
         client.post(
-            f"/api/patients/{patient}/sessions", json={"hand": "left", "port": "/dev/null"}
+            f"/api/patients/{patient}/sessions", json={"hand": "left", "port": "/dev/ttyABSENT"}
         ),
     ):
         assert answer.status_code == 422

@@ -87,7 +87,7 @@ def test_it_is_kept_by_a_press_and_taken_over_as_somebody_decides(
     back = client.put(reuse, json={"parts": "nothing"}).json()["results"]
     assert {"before": pair["now"], "now": first} in back
 
-    begin = f"/api/patients/{patient}/sessions", {"hand": "left", "port": "/dev/null"}
+    begin = f"/api/patients/{patient}/sessions", {"hand": "left", "port": "/dev/ttyABSENT"}
     undecided = client.post(begin[0], json=begin[1])
     assert (undecided.status_code, "takes over" in undecided.json()["error"]) == (422, True)
     assert [s["id"] for s in client.get(f"/api/patients/{patient}").json()["sessions"]] == [session]

@@ -18,7 +18,19 @@ from handscope.sessions.formats import recordings as formats_recordings
 ALLOWED = ["socket://10.1.2.*:4000", "rfc2217://glove-7:2217"]
 
 
-@pytest.mark.parametrize("port", ["/dev/ttyACM0", "COM3", "socket://10.1.2.7:4000", ALLOWED[1]])
+@pytest.mark.parametrize(
+    "port",
+    [
+        "/dev/ttyACM0",
+        "/dev/ttyNOTTHERE",
+        "/dev/tty.usbmodem-7",
+        "/dev/pts/3",
+        "COM3",
+        "\\\\.\\COM12",
+        "socket://10.1.2.7:4000",
+        ALLOWED[1],
+    ],
+)
 def test_ports_of_this_machine_and_allowed_addresses_may_be_opened(port: str) -> None:
     ports.require_allowed(port, ALLOWED)
 
@@ -44,6 +56,20 @@ def test_other_addresses_are_refused_without_a_look_at_the_network(
     monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: pytest.fail("looked up"))
     with pytest.raises(InputError, match=r"port|address"):
         ports.require_allowed(port, ALLOWED)
+
+
+@pytest.mark.parametrize(
+    "port", ["", "x", "/dev/nonsense", "/dev/null", "/etc/passwd", "/dev/ttyS0/../../etc/passwd"]
+)
+def test_what_is_no_serial_port_is_refused_whether_it_exists_or_not(port: str) -> None:
+    with pytest.raises(InputError, match="is not a port of this machine; name a serial port"):
+        ports.require_allowed(port, ALLOWED)
+
+
+def test_a_link_to_a_terminal_and_a_path_that_is_allowed_may_be_opened(tmp_path: Path) -> None:
+    (tmp_path / "glove").symlink_to("/dev/pts/3")
+    ports.require_allowed(str(tmp_path / "glove"), ALLOWED)
+    ports.require_allowed("/opt/gloves/7", ["/opt/gloves/*"])
 
 
 def test_whoever_does_not_listen_is_named() -> None:

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -374,3 +375,28 @@ def test_sidecars_count_their_channels(tmp_path: Path) -> None:
     assert {k: v for k, v in about.items() if k.endswith("Count")} == {
         "TrackedPointsCount": 3, "LATENCYChannelCount": 1, "GYROChannelCount": 9, "ACCELChannelCount": 9, "MotionChannelCount": 19,
     }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("acq_time", "start"),
+    [
+        ("2025-03-01T12:00:00Z", "2025-03-01T12:00:00+00:00"),
+        ("2025-03-01T12:00:00.500+02:00", "2025-03-01T10:00:00.500000+00:00"),
+        ("2025-03-01T12:00:00", datetime(2025, 3, 1, 12).astimezone(UTC).isoformat()),
+        ("1900-03-01T12:00:00Z", None),  # shifted on purpose
+        ("n/a", None),
+        ("yesterday", None),
+    ],
+)
+def test_a_recording_is_dated_by_the_scans_file(
+    tmp_path: Path, acq_time: str, start: str | None
+) -> None:
+    files = dataset()
+    recorded = [name.removeprefix("sub-01/") for name in files if name.endswith("_motion.tsv")]
+    other = "motion/sub-01_task-other_tracksys-imu_motion.tsv\t2001-01-01T00:00:00Z"
+    lines = ["filename\tacq_time", *(f"{name}\t{acq_time}" for name in recorded), other]
+    files["sub-01/sub-01_scans.tsv"] = "\n".join(lines).encode()
+    read = _loaded(files, tmp_path)
+    assert read.start_utc == start
+    is_warned_of = any(f"acq_time {acq_time}" in words for words in read.warnings)
+    assert is_warned_of == (acq_time == "yesterday")

@@ -189,6 +189,38 @@ def test_columns_without_a_header_are_counted_from_0_and_a_rate_may_stand_for_ti
     np.testing.assert_allclose(block.values[7, 0], rows[0], rtol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("first", "unit", "start"),
+    [
+        (1_740_830_400.25, "s", "2025-03-01T12:00:00.250000+00:00"),
+        (1_740_830_400_250.0, "ms", "2025-03-01T12:00:00.250000+00:00"),
+        (52_133.0, "s", None),  # s since the logger was switched on
+        (4_102_444_800.0, "s", None),  # in 2100
+    ],
+)
+def test_an_imported_table_is_dated_by_its_own_times_or_not_at_all(
+    tmp_path: Path, first: float, unit: str, start: str | None
+) -> None:
+    times = first + np.arange(100) * (0.02 if unit == "s" else 20.0)
+    rows = np.column_stack([times, np.tile([0.0, 0.0, 9.81, 0.0, 0.0, 0.1], (100, 1))])
+    np.savetxt(tmp_path / "t.tsv", rows, "%.3f", delimiter="\t")
+    column_map = {
+        "hand": "right",
+        "table": {"delimiter": "\t", "header": False},
+        "time": {"column": 0, "unit": unit},
+        "sensors": {
+            "hand": {
+                "acc": {"columns": [1, 2, 3], "unit": "m/s^2"},
+                "gyr": {"columns": [4, 5, 6], "unit": "rad/s"},
+            }
+        },
+    }
+    (tmp_path / "map.json").write_text(json.dumps(column_map))
+    words = ["import", str(tmp_path / "t.tsv"), "--map", str(tmp_path / "map.json")]
+    assert main([*words, "--out", str(tmp_path / "r.mcap")]) == 0
+    assert recordings.load(tmp_path / "r.mcap").start_utc == start
+
+
 def test_a_point_where_the_comma_is_the_decimal_mark_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,6 +1,8 @@
 """Files appear whole or not at all."""
 
 import os
+import stat
+import threading
 from pathlib import Path
 
 import pytest
@@ -67,3 +69,43 @@ def test_an_interruption_while_files_move_to_their_places_leaves_the_folder_as_i
     with pytest.raises(KeyboardInterrupt):
         save_folder({"a.txt": b"new", "b.txt": b"new"}, tmp_path)
     assert _content(tmp_path) == {"a.txt": b"old"}
+
+
+def test_a_link_stays_a_link_and_its_target_is_replaced(tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    target, link = tmp_path / "there" / "angles.csv", tmp_path / "angles.csv"
+    link.symlink_to(target)
+    for data in (b"first, where the target was missing", b"second"):
+        save_file(data, link)
+        assert link.is_symlink()
+        assert _content(tmp_path / "there") == {"angles.csv": data}
+
+
+def test_a_pipe_is_written_to_and_stays_a_pipe(tmp_path: Path) -> None:
+    pipe, got = tmp_path / "pipe", list[bytes]()
+    os.mkfifo(pipe)
+    reader = threading.Thread(target=lambda: got.append(pipe.read_bytes()), daemon=True)
+    reader.start()
+    save_file(b"angles", pipe)
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+    reader.join(10)
+    assert got == [b"angles"]
+
+
+def test_the_end_of_a_pipe_is_written_to_by_its_descriptor() -> None:
+    reading, writing = os.pipe()
+    with os.fdopen(reading, "rb") as pipe, os.fdopen(writing, "wb"):
+        save_file(b"angles", Path(f"/dev/fd/{writing}"))
+        assert pipe.read(6) == b"angles"
+
+
+def test_a_device_is_written_to_and_stays_a_device(tmp_path: Path) -> None:
+    device = tmp_path / "device"
+    try:
+        os.mknod(device, stat.S_IFCHR | 0o600, os.makedev(1, 3))  # as /dev/null
+        device.write_bytes(b"")
+    except PermissionError:
+        pytest.skip("only the system's administrator makes devices")
+    save_file(b"angles", device)
+    assert stat.S_ISCHR(device.stat().st_mode)
+    assert list(tmp_path.iterdir()) == [device]

@@ -1,6 +1,5 @@
 """The other hand in the same visit: the first session ends, the second begins in its place, and only where it can."""
 
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,13 +11,13 @@ from tests.app.api.conftest import patient_with_name
 
 
 @pytest.fixture
-def first(client: TestClient, patient: int, tmp_path: Path) -> dict[str, Any]:
+def first(client: TestClient, patient: int) -> dict[str, Any]:
     """A live session of the left hand at a port without a glove."""
     client.patch(
         f"/api/patients/{patient}",
         json={"version": 1, "hand_measures": {"right": {"hand_length": 0.2}}},
     )
-    new = {"hand": "left", "port": str(tmp_path / "glove"), "examiner": "An examiner"}
+    new = {"hand": "left", "port": "/dev/ttyABSENT", "examiner": "An examiner"}
     new["options"] = {"gyr_noise": 1e-3}  # type: ignore[assignment]
     answer = client.post(f"/api/patients/{patient}/sessions", json=new)
     assert answer.status_code == 201, answer.text
@@ -66,7 +65,7 @@ def test_the_patients_screen_follows_to_the_other_hand(
 
 def test_what_cannot_begin_ends_nothing(client: TestClient, first: dict[str, Any]) -> None:
     path = f"/api/stations/{first['station']}/other-hand"
-    new = {"hand": "right", "port": f"{first['port']}-of-another"}
+    new = {"hand": "right", "port": "/dev/ttyABSENT2"}
     patient_with_name.count += 1
     other = client.post("/api/patients", json={"pseudonym": f"P-{patient_with_name.count}"}).json()[
         "id"

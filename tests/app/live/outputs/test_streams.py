@@ -126,6 +126,15 @@ def test_no_more_poses_come_than_the_rate_that_was_asked_for(served: Served) -> 
     assert time.monotonic() - began >= 10 / 20.0
 
 
+def test_a_program_waits_no_longer_for_a_pose_than_it_says(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    token = served.new_stream()["token"]
+    monkeypatch.setattr(served.station, "_take_pose", lambda pose: None)  # as before calibration
+    with pytest.raises(InputError, match=r"no pose came from .* within 0\.3 s"):
+        list(handscope.stream(served.url, token, timeout=0.3))
+
+
 @pytest.mark.parametrize("token", ["", "wrong", "a" * 43])
 def test_nobody_reads_without_the_token(served: Served, token: str) -> None:
     served.new_stream()
