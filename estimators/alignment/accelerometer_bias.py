@@ -1,4 +1,4 @@
-"""Biases of accelerometers that an earlier recording told: taken off samples, and off a pose that was looked at with them.
+"""Biases of accelerometers that an earlier recording showed: taken off samples, and off a pose that was looked at with them.
 
 In      biases (3,) m/s^2 by sensor, of self-calibration
 Out     the same samples and pose as of accelerometers without bias
