@@ -129,6 +129,10 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(RequestValidationError)
     async def malformed(request: Request, error: RequestValidationError) -> JSONResponse:
         first = error.errors()[0]
+        if first["type"] == "json_invalid" and isinstance(first["loc"][-1], int):  # of the body
+            problem, position = first["ctx"]["error"], first["loc"][-1]
+            broken = phrase("server.not_json", problem=problem, position=position)
+            return JSONResponse(error_body(broken, preferred(request)), 422)
         where = ".".join(
             str(part) for part in first["loc"] if part not in ("body", "query", "path")
         )

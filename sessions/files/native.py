@@ -56,7 +56,9 @@ def read(path: Path) -> Contents:
     if version is None:
         if contents.file.ours:
             raise InputError("recording.cut_at_start", name=path.name)
-        raise InputError("recording.not_ours", name=path.name, suffix=SUFFIX)
+        if not path.stat().st_size:
+            raise InputError("recording.empty", name=path.name)
+        raise InputError("recording.not_ours", name=path.name)
     if not isinstance(version, int) or version > FORMAT_VERSION:
         raise InputError(
             "recording.newer_format",

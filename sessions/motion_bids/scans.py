@@ -28,5 +28,5 @@ def start_of(files: Files, recorded: Sequence[str], warnings: list[str]) -> str 
             except (ValueError, OverflowError):
                 values: dict[str, Value] = {"name": name, "line": line, "text": text}
                 warnings.append(render_english(Message("motion_bids.acq_time_unreadable", values)))
-    known = [moment for moment in found if moment.year >= SHIFTED]
-    return min(known).isoformat() if known else None
+    dates = [moment for moment in found if moment.year >= SHIFTED]
+    return min(dates).isoformat() if dates else None

@@ -5,8 +5,9 @@ Out     a ColumnMap; InputError names the key that is wrong
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from handscope.estimators.data.samples import ACC, COMPONENTS, GYR, MAG, ORIENTA
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS, Hand
 from handscope.estimators.hand.geometry import measures_from
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.messages.system import describe
 from handscope.estimators.numerics.constants import GRAVITY
 
@@ -26,6 +28,7 @@ FACTORS: Mapping[str, Mapping[str, float]] = {  # to SI, by quantity and unit
     MAG: {"T": 1.0, "uT": 1e-6, "mG": 1e-7},
     ORIENTATION: {"1": 1.0},
 }
+SHOWN = 5  # names of a wrong one's like
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -159,6 +162,14 @@ def _time(value: Mapping[str, Any], name: str) -> tuple[tuple[Column, str] | Non
     return (_column(time.get("column"), f"{name}: time"), str(time["unit"])), None
 
 
+def nearest(wanted: str, names: Sequence[str]) -> str:
+    """The names that are most like a wrong one, and of how many; all where they are few."""
+    if len(names) <= SHOWN:
+        return ", ".join(names)
+    like = ", ".join(get_close_matches(wanted, names, SHOWN, 0.0))
+    return phrase("import.nearest_names", names=like, count=len(names))
+
+
 def _column(value: Any, where: str) -> Column:
     if isinstance(value, bool) or not isinstance(value, str | int):
         raise InputError("import.column_form", where=where, value=value)
@@ -169,7 +180,7 @@ def _sensor(point: str, value: Any, name: str) -> MappedSensor:
     where = f"{name}: {point}"
     if point not in TRACKED_POINTS:
         raise InputError(
-            "import.unknown_point", where=where, tracked_points=", ".join(TRACKED_POINTS)
+            "import.unknown_point", where=where, tracked_points=nearest(point, TRACKED_POINTS)
         )
     _only(value, {*FACTORS, "mounting"}, where)
     channels = {

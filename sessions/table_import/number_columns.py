@@ -8,7 +8,7 @@ import numpy as np
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.numerics.typing import Array
-from handscope.sessions.table_import.column_map import Column
+from handscope.sessions.table_import.column_map import Column, nearest
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class NumberColumns:
                 )
             return self._whole(wanted)
         if self.names.count(wanted) != 1:
-            known = ", ".join(self.names[:40]) or "none: it has no header, give numbers from 0"
+            known = nearest(wanted, self.names) or "none: it has no header, give numbers from 0"
             many = "no" if wanted not in self.names else "more than one"
             raise InputError(
                 "import.column_not_unique", file=self.file, many=many, wanted=wanted, known=known

@@ -137,6 +137,13 @@ def test_facts_that_make_no_sense_are_refused(
     assert client.get("/api/patients").json() == before
 
 
+def test_a_body_that_is_no_json_is_refused_with_the_place(client: TestClient) -> None:
+    json = {"Content-Type": "application/json"}
+    answer = client.post("/api/patients", content=b'{"pseudonym": }', headers=json)
+    assert (answer.status_code, answer.json()["code"]) == (422, "server.not_json")
+    assert "is no JSON (Expecting value, at character 14)" in answer.json()["error"]
+
+
 def test_letters_beyond_ascii_are_found_in_either_case(client: TestClient) -> None:
     made = client.post("/api/patients", json={"pseudonym": "Ünï-Ω-42"}).json()
     for search in ("ünï", "ÜNÏ-ω", "Ünï-Ω-42", "Ω-4"):

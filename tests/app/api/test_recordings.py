@@ -374,7 +374,8 @@ def test_a_replay_moves_along_its_time_line(
     [
         ("r.zip", lambda z: b"hello", "neither a folder, a zip nor a native recording"),
         ("r.zip", lambda z: z[: len(z) // 2], "cut off"),
-        ("r.mcap", lambda z: b"hello", "no Handscope recording"),
+        ("r.mcap", lambda z: b"hello", "no Handscope recording: nothing in it"),
+        ("r.mcap", lambda z: b"", "r.mcap is empty; copy the recording again"),
         (
             "r.zip",
             lambda z: changed(z, "imu_channels.tsv", lambda t: t.replace(b"rad/s", b"rpm")),

@@ -10,7 +10,7 @@ import pytest
 
 from handscope.app.cli import main
 from handscope.estimators.data.calibration import Calibration
-from handscope.estimators.data.samples import ACC, GYR, ORIENTATION, Block
+from handscope.estimators.data.samples import ACC, GYR, ORIENTATION, TRACKED_POINTS, Block
 from handscope.estimators.methods import METHODS
 from handscope.estimators.orientation import fusion
 from handscope.estimators.pipeline.process import process
@@ -126,6 +126,9 @@ def test_a_guess_reads_names_of_segments_quantities_and_units(tmp_path: Path) ->
         ("sensor", {}, "unknown keys: sensor"),
         ("hand", "both", "say left or right"),
         ("sensors", {"toe": {}}, "toe is no tracked point"),
+        ("sensors", {"indx_middle": {}}, "points are index_middle, "),
+        ("sensors", {"indx_middle": {}}, f"(the nearest of {len(TRACKED_POINTS)})"),
+        ("time", {"column": "ziet", "unit": "ms"}, "columns are zeit, "),
         ("time", {"column": "nowhere", "unit": "ms"}, "no column 'nowhere'"),
         ("time", {"column": "zeit", "unit": "s"}, "is the unit of the time right?"),
         ("time", {"column": "a1u", "unit": "ms"}, "do not increase"),
