@@ -130,6 +130,11 @@ class Stops:
         """When those began (s) that lasted at least that long."""
         return self.onsets[self.durations >= least - 1e-9]
 
+    def hide(self, c: Cycles) -> bool:
+        """Whether a whole cycle lies within a stop: then the movement itself is hardly any, and stops cannot be told from it."""
+        starts, ends = self.onsets[:, None], (self.onsets + self.durations)[:, None]
+        return bool(((starts <= c.onsets + c.period) & (c.ends <= ends + c.period)).any())
+
 
 def find_cycles(
     params: Params,
