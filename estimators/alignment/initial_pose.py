@@ -220,9 +220,9 @@ def calibrate(
 ) -> Calibration:
     """Calibrate from the inertial samples of the pose (one block a stream); refuses a pose that is
     short, incomplete or not still."""
-    window = _stillest_stretch(
-        params, [b.between(pose.onset, pose.end) for b in blocks if b.stream.inertial], pose
-    )
+    inertial = [b for b in blocks if b.stream.inertial]
+    _refuse_outside(inertial, pose)
+    window = _stillest_stretch(params, [b.between(pose.onset, pose.end) for b in inertial], pose)
     still = {name: s for b in window for name, s in held_still(b, params.pose_duration).items()}
     if "hand" not in still:
         raise InputError("calibration.pose_without_hand_samples", time=pose.onset)
@@ -401,6 +401,17 @@ def white_noise(samples: Array, rate: float) -> float | None:
     return float(
         np.sqrt((differences**2).mean() / math.comb(2 * DIFFERENCES, DIFFERENCES) / (rate / 2))
     )
+
+
+def _refuse_outside(blocks: list[Block], pose: Pose) -> None:
+    spans = np.array([(b.t[0], b.t[-1]) for b in blocks if len(b.t)])
+    if len(spans) and (pose.onset > spans[:, 1].max() or pose.end < spans[:, 0].min()):
+        raise InputError(
+            "calibration.pose_outside",
+            time=pose.onset,
+            start=float(spans[:, 0].min()),
+            end=float(spans[:, 1].max()),
+        )
 
 
 def _stillest_stretch(params: PoseParams, window: list[Block], pose: Pose) -> list[Block]:

@@ -152,7 +152,11 @@ def test_a_short_pose_is_refused() -> None:
 
 
 def test_a_pose_outside_the_recording_is_refused() -> None:
-    assert "0.0 s of samples" in _refusal(pose_and_wiggle("left"), Pose(500.0, 3.0))
+    recording = pose_and_wiggle("left")
+    t = recording.samples["imu"].t
+    words = f"the recording goes from {t[0]:.1f} to {t[-1]:.1f} s"
+    for onset in (500.0, -1.7e9):
+        assert words in _refusal(recording, Pose(onset, 3.0))
 
 
 def test_a_pose_without_the_hands_sensor_is_refused() -> None:
