@@ -248,9 +248,8 @@ def figures(tapping: Tapping) -> list[Figure]:
     if tapping.stops and c.count:
         made += cycle_figures.stop_figures(p, STOPS, PREFIX, c, tapping.stops, graded)
     elif tapping.taps:
-        made += [
-            k.of(np.nan, None, "poor", tapping.reason or "needs an angle") for k in STOPS.values()
-        ]
+        reason = tapping.reason or phrase("measure.angle_needed")
+        made += [k.of(np.nan, None, "poor", reason) for k in STOPS.values()]
     return made
 
 

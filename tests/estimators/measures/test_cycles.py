@@ -13,6 +13,7 @@ from handscope.estimators.measures.repetitive_movement import (
     PRONATION_SUPINATION,
     Movement,
 )
+from handscope.estimators.messages.sentence import codes_of
 from tests.estimators.measures.trajectories import by_name
 
 DEG = np.pi / 180
@@ -61,7 +62,9 @@ def test_a_distance_and_its_angle_tell_the_same_taps() -> None:
     assert _values(distance)["tapping_opening_speed_mean"] == pytest.approx(
         np.pi * 2.0 * 0.06, rel=0.03
     )
-    assert np.isnan(_values(distance)["tapping_freezes"])  # a distance has no deg/s
+    freezes = by_name(tapping.figures(distance))["tapping_freezes"]
+    assert np.isnan(freezes.value)  # a distance has no deg/s
+    assert codes_of(freezes.reason) == {"measure.angle_needed"}
     assert _values(angle)["tapping_freezes"] == 0
 
 
