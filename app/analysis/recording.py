@@ -19,6 +19,7 @@ from handscope.estimators.recording_checks.check import suspicions_of, untested_
 from handscope.sessions import motion_bids
 from handscope.sessions.files import frames
 from handscope.sessions.files.recording import LoadedRecording
+from handscope.sessions.table_import.convert import FASTEST_RATE, SLOWEST_RATE
 
 G = 9.80665  # m/s^2
 UNITS: Mapping[str, Mapping[str, float]] = {
@@ -172,7 +173,7 @@ def from_arrays(
     Parameters
     ----------
     t
-        (n,) times in s, each later than the one before.
+        (n,) times in s, each later than the one before; of `datetime64` the s since the first.
     gyr, acc
         (n, sensors, 3) angular rate and specific force in the sensors' own frames; NaN is a missing sample.
     segments
@@ -196,7 +197,7 @@ def from_arrays(
     Raises
     ------
     InputError
-        For arrays of another shape, unknown segments or units, and times that do not rise.
+        For arrays of another shape, unknown segments or units, and times that do not rise or are no seconds.
 
     Notes
     -----
@@ -213,9 +214,7 @@ def from_arrays(
     """
     if hand not in HANDS:
         raise InputError("analysis.hand_unknown", hand=hand)
-    time = np.asarray(t, float)
-    if time.ndim != 1 or len(time) < 2 or not (np.diff(time) > 0).all():
-        raise InputError("analysis.time_form")
+    time = _seconds(t)
     names = tuple(segments)
     if wrong := [s for s in names if s not in TRACKED_POINTS]:
         raise InputError("analysis.unknown_segment", wrong=wrong[0])
@@ -236,6 +235,23 @@ def from_arrays(
         source={"format": "arrays"},
     )
     return AnalysisRecording(replace(loaded))
+
+
+def _seconds(t: Any) -> Array:
+    """Times (n,) s of numbers, or of dates, which count from the first."""
+    time = np.asarray(t)
+    if time.dtype.kind == "M" and time.size:
+        time = time - time.flat[0]
+    if time.dtype.kind == "m":
+        known = ~np.isnat(time)
+        time = np.where(known, time / np.timedelta64(1, "s"), np.nan)
+    time = np.asarray(time, float)
+    if time.ndim != 1 or len(time) < 2 or not (np.diff(time) > 0).all():
+        raise InputError("analysis.time_form")
+    rate = float(1 / np.median(np.diff(time)))
+    if not SLOWEST_RATE <= rate <= FASTEST_RATE:
+        raise InputError("analysis.rate_implausible", rate=rate)
+    return time
 
 
 def _si(kind: str, array: Any, unit: str, shape: tuple[int, int, int]) -> Array:

@@ -28,6 +28,7 @@ from handscope.sessions.wire.messages import Format, Identity, StreamInfo, Strip
 
 NS = 1e9
 START = 10.0  # s that the clock shows at the first sample
+SLOWEST_RATE, FASTEST_RATE = 5.0, 10_000.0  # Hz that a hand's movement is sampled at
 GRAVITY_SHARE = 0.15  # of gravity that the median size of accelerations may be off
 FASTEST = 60.0  # rad/s; a gyroscope's largest full scale is 4000 deg/s = 70 rad/s
 QUANTITIES = ((GYR, ACC, MAG), (ORIENTATION,))  # of one stream each
@@ -91,7 +92,7 @@ def _times(table: NumberColumns, columns: ColumnMap) -> tuple[Array, float]:
         row = int(np.flatnonzero(steps <= 0)[0]) + 2 if len(t) > 1 else 1
         raise InputError("import.time_not_increasing", file=table.file, column=column, row=row)
     rate = float(1 / np.median(steps))
-    if not 5 <= rate <= 10000:
+    if not SLOWEST_RATE <= rate <= FASTEST_RATE:
         raise InputError(
             "import.rate_implausible", file=table.file, column=column, unit=unit, rate=rate
         )
