@@ -14,6 +14,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.fault_detection.words import sentence
 from handscope.estimators.hand.anatomy import HANDS, JOINTS, Hand
 from handscope.estimators.hand.geometry import measures_from, sized
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.recording_checks.check import suspicions_of, untested_of
 from handscope.sessions import motion_bids
@@ -175,7 +176,7 @@ def from_arrays(
     t
         (n,) times in s, each later than the one before; of `datetime64` the s since the first.
     gyr, acc
-        (n, sensors, 3) angular rate and specific force in the sensors' own frames; NaN is a missing sample.
+        (n, sensors, 3) angular rate and specific force in the sensors' own frames; NaN or infinite is a missing sample.
     segments
         The segment that each sensor is on, such as "index_proximal" (docs/conventions.md).
     hand
@@ -225,16 +226,27 @@ def from_arrays(
     values = [_si(kind, array, unit, (len(time), len(names), 3)) for kind, array, unit in given]
     rate = (len(time) - 1) / float(time[-1] - time[0])
     stream = Stream("arrays", names, tuple(kind for kind, _, _ in given), rate)
+    array = np.concatenate(values, axis=-1)
+    infinite = np.isinf(array)
     turned = {s: np.asarray(q, float) for s, q in (mounting or {}).items()}
     loaded = LoadedRecording(
         hand,
         sized(hand, measures_from(geometry or {})),
         {s: turned.get(s, np.array([1.0, 0, 0, 0])) for s in names},
-        {"arrays": Block(stream, time, np.concatenate(values, axis=-1))},
+        {"arrays": Block(stream, time, np.where(infinite, np.nan, array))},
         (),
+        _infinite_words(infinite, names),
         source={"format": "arrays"},
     )
     return AnalysisRecording(replace(loaded))
+
+
+def _infinite_words(infinite: np.ndarray, names: Sequence[str]) -> tuple[str, ...]:
+    """A warning of how many values (n, sensors, columns) are infinite, and of which sensors."""
+    if not infinite.any():
+        return ()
+    sensors = ", ".join(n for n, found in zip(names, infinite.any(axis=(0, 2))) if found)
+    return (phrase("analysis.infinite_values", count=int(infinite.sum()), sensors=sensors),)
 
 
 def _seconds(t: Any) -> Array:

@@ -144,6 +144,16 @@ def test_clock_times_count_from_the_first_sample() -> None:
         np.testing.assert_allclose(rec.samples["arrays"].t, [0.0, 0.01, 0.02], atol=1e-12)
 
 
+def test_infinite_values_are_missing_samples_and_said_once() -> None:
+    gyr = np.zeros((300, 2, 3))
+    gyr[100], gyr[200, 1, 0] = np.inf, -np.inf
+    t, names = np.arange(300) / 100, ["hand", "index_proximal"]
+    rec = hs.from_arrays(t, gyr, np.full(gyr.shape, 5.7), names, "left")
+    assert np.isnan(rec.samples["arrays"].of("gyr")[100]).all()
+    (warning,) = rec.warnings
+    assert warning == "values that are infinite: 7 (hand, index_proximal); they count as missing"
+
+
 def test_events_outside_the_recording_and_unknown_names_are_refused(arrays: Any, path: str) -> None:
     with pytest.raises(InputError, match="not within the recording"):
         arrays.add_task("tapping", 20.0, 30.0)
