@@ -134,11 +134,18 @@ def _require_unit_norm(blocks: Sequence[Block], file: str) -> None:
 
 def _likely_unit(size: float, stated: str) -> str:
     """What a size (m/s^2) by the stated unit says of the unit."""
-    reading = size / FACTORS[ACC][stated]
-    for unit, factor in FACTORS[ACC].items():
-        if abs(reading * factor / GRAVITY - 1) < GRAVITY_SHARE:
-            return phrase("import.unit_likely", unit=unit, stated=stated)
-    return phrase("import.check_unit")
+    unit = unit_of_gravity(size / FACTORS[ACC][stated])
+    return (
+        phrase("import.unit_likely", unit=unit, stated=stated)
+        if unit
+        else phrase("import.check_unit")
+    )
+
+
+def unit_of_gravity(reading: float) -> str | None:
+    """The unit in which a reading at rest is gravity."""
+    near = (abs(reading * f / GRAVITY - 1) < GRAVITY_SHARE for f in FACTORS[ACC].values())
+    return next((unit for unit, fits in zip(FACTORS[ACC], near) if fits), None)
 
 
 def write_native(

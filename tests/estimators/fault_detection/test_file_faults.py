@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from handscope.estimators.data.samples import ACC, MAG, ORIENTATION, Block, Stream
 from handscope.estimators.fault_detection.single_sensors.accelerometer_check import negated_in_pose
@@ -46,6 +47,17 @@ def test_one_accelerometer_that_reads_too_much_at_rest_is_named():
     )
     assert ("sensor.accelerometer_size", ("thumb_distal",)) in [
         (s.message.code, s.sensors) for s in found
+    ]
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1 / GRAVITY, "g"), (1000 / GRAVITY, "mg")])
+def test_some_accelerometers_in_another_unit_are_named_once(factor: float, unit: str):
+    blocks = performed("initial_pose", "rom_fist")
+    for sensor in ("thumb_distal", "index_middle"):
+        blocks = with_readings(blocks, ACC, lambda a: factor * a, sensor)
+    found = [s for s in check_sensors(blocks) if "accelerometer" in s.message.code]
+    assert [(s.message.code, set(s.sensors), s.message.values["unit"]) for s in found] == [
+        ("sensor.accelerometer_unit", {"thumb_distal", "index_middle"}, unit)
     ]
 
 
