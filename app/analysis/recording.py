@@ -14,11 +14,13 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.fault_detection.words import sentence
 from handscope.estimators.hand.anatomy import HANDS, JOINTS, Hand
 from handscope.estimators.hand.geometry import measures_from, sized
+from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.recording_checks.check import suspicions_of, untested_of
 from handscope.sessions import motion_bids
 from handscope.sessions.files import frames
 from handscope.sessions.files.recording import LoadedRecording
+from handscope.sessions.table_import.convert import FASTEST_RATE, SLOWEST_RATE
 
 G = 9.80665  # m/s^2
 UNITS: Mapping[str, Mapping[str, float]] = {
@@ -172,9 +174,9 @@ def from_arrays(
     Parameters
     ----------
     t
-        (n,) times in s, each later than the one before.
+        (n,) times in s, each later than the one before; of `datetime64` the s since the first.
     gyr, acc
-        (n, sensors, 3) angular rate and specific force in the sensors' own frames; NaN is a missing sample.
+        (n, sensors, 3) angular rate and specific force in the sensors' own frames; NaN or infinite is a missing sample.
     segments
         The segment that each sensor is on, such as "index_proximal" (docs/conventions.md).
     hand
@@ -196,7 +198,7 @@ def from_arrays(
     Raises
     ------
     InputError
-        For arrays of another shape, unknown segments or units, and times that do not rise.
+        For arrays of another shape, unknown segments or units, and times that do not rise or are no seconds.
 
     Notes
     -----
@@ -213,9 +215,7 @@ def from_arrays(
     """
     if hand not in HANDS:
         raise InputError("analysis.hand_unknown", hand=hand)
-    time = np.asarray(t, float)
-    if time.ndim != 1 or len(time) < 2 or not (np.diff(time) > 0).all():
-        raise InputError("analysis.time_form")
+    time = _seconds(t)
     names = tuple(segments)
     if wrong := [s for s in names if s not in TRACKED_POINTS]:
         raise InputError("analysis.unknown_segment", wrong=wrong[0])
@@ -226,16 +226,44 @@ def from_arrays(
     values = [_si(kind, array, unit, (len(time), len(names), 3)) for kind, array, unit in given]
     rate = (len(time) - 1) / float(time[-1] - time[0])
     stream = Stream("arrays", names, tuple(kind for kind, _, _ in given), rate)
+    array = np.concatenate(values, axis=-1)
+    infinite = np.isinf(array)
     turned = {s: np.asarray(q, float) for s, q in (mounting or {}).items()}
     loaded = LoadedRecording(
         hand,
         sized(hand, measures_from(geometry or {})),
         {s: turned.get(s, np.array([1.0, 0, 0, 0])) for s in names},
-        {"arrays": Block(stream, time, np.concatenate(values, axis=-1))},
+        {"arrays": Block(stream, time, np.where(infinite, np.nan, array))},
         (),
+        _infinite_words(infinite, names),
         source={"format": "arrays"},
     )
     return AnalysisRecording(replace(loaded))
+
+
+def _infinite_words(infinite: np.ndarray, names: Sequence[str]) -> tuple[str, ...]:
+    """A warning of how many values (n, sensors, columns) are infinite, and of which sensors."""
+    if not infinite.any():
+        return ()
+    sensors = ", ".join(names[k] for k in np.flatnonzero(infinite.any(axis=(0, 2))))
+    return (phrase("analysis.infinite_values", count=int(infinite.sum()), sensors=sensors),)
+
+
+def _seconds(t: Any) -> Array:
+    """Times (n,) s of numbers, or of dates, which count from the first."""
+    time = np.asarray(t)
+    if time.dtype.kind == "M" and time.size:
+        time = time - time.flat[0]
+    if time.dtype.kind == "m":
+        known = ~np.isnat(time)
+        time = np.where(known, time / np.timedelta64(1, "s"), np.nan)
+    time = np.asarray(time, float)
+    if time.ndim != 1 or len(time) < 2 or not (np.diff(time) > 0).all():
+        raise InputError("analysis.time_form")
+    rate = float(1 / np.median(np.diff(time)))
+    if not SLOWEST_RATE <= rate <= FASTEST_RATE:
+        raise InputError("analysis.rate_implausible", rate=rate)
+    return time
 
 
 def _si(kind: str, array: Any, unit: str, shape: tuple[int, int, int]) -> Array:

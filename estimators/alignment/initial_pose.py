@@ -23,7 +23,15 @@ from handscope.estimators.data.options import option
 from handscope.estimators.data.samples import ACC, GYR, MAG, Block, Event, Stream
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand import joint_angles
-from handscope.estimators.hand.anatomy import JOINTS, SEGMENTS, Hand
+from handscope.estimators.hand.anatomy import (
+    DOF_NAMES,
+    JOINT,
+    JOINTS,
+    LIMITS,
+    SEGMENTS,
+    Hand,
+    Joint,
+)
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics import quaternions as quat
@@ -41,6 +49,8 @@ RATE_DOUBT = 0.02
 QUARTERS = 4
 DIFFERENCES, LEAST_SAMPLES = 8, 60  # to estimate noise from
 DEG = np.pi / 180
+# rad that a pose's angle may lie beyond a joint's limits: stiff, lax and deformed joints do; ours
+BEYOND_LIMITS = 30 * DEG
 THERAPIST = "therapist"  # what an event says of a pose that the patient did not take alone
 
 
@@ -109,6 +119,7 @@ class PoseErrorParams:
 
 Angles = tuple[float, float, float]  # flexion, deviation, pronation
 NEUTRAL: Angles = (0.0, 0.0, 0.0)
+ANGLE_COLUMNS = frozenset(f"{name}_{unit}" for name in DOF_NAMES for unit in ("deg", "sd_deg"))
 
 
 @dataclass(frozen=True)
@@ -126,6 +137,7 @@ class Pose:
     # rad, by joint, of what was measured; NaN: as well as a person takes the pose
     sd: Mapping[str, Angles] = field(default_factory=dict)
     repetition: int = 1  # from 2 on: the pose before taken again, the hand lifted between
+    unread: tuple[str, ...] = ()  # details in degrees that name no freedom of a joint
 
     @property
     def end(self) -> float:
@@ -134,8 +146,8 @@ class Pose:
 
 def pose_of(event: Event) -> Pose:
     """The pose that an `initial_pose` event describes (docs/motion-bids.md)."""
-    known = {joint.name: _known_angles(event, joint.name, "deg", 0.0) for joint in JOINTS}
-    sd = {joint.name: _known_angles(event, joint.name, "sd_deg", np.nan) for joint in JOINTS}
+    known = {joint.name: _known_angles(event, joint, "deg", 0.0) for joint in JOINTS}
+    sd = {joint.name: _known_angles(event, joint, "sd_deg", np.nan) for joint in JOINTS}
     return Pose(
         event.onset,
         event.duration,
@@ -144,6 +156,7 @@ def pose_of(event: Event) -> Pose:
         {name: a for name, a in known.items() if a != NEUTRAL and name != "thumb_cmc"},
         {name: a for name, a in sd.items() if not np.isnan(a).all()},
         _repetition(event),
+        tuple(k for k in sorted(event.details) if k.endswith("_deg") and k not in ANGLE_COLUMNS),
     )
 
 
@@ -158,22 +171,32 @@ def _repetition(event: Event) -> int:
     return value
 
 
-def _known_angles(event: Event, joint: str, unit: str, otherwise: float) -> Angles:
+def _known_angles(event: Event, joint: Joint, unit: str, otherwise: float) -> Angles:
     """A joint's angles, or their standard deviations, that the event holds, rad; `otherwise` where it holds none."""
-    found = []
-    for name in joint_angles.ANGLES:
-        column = f"{joint}_{name}_{unit}"
+    found = [otherwise] * 3
+    for k in joint.dofs:
+        column = f"{joint.name}_{joint_angles.ANGLES[k]}_{unit}"
         given = event.details.get(column)
+        if given is None:
+            continue
         try:
-            value = otherwise if given is None else float(given) * DEG
-            usable = given is None or (np.isfinite(value) and (unit == "deg" or value > 0))
+            found[k] = float(given) * DEG
         except (TypeError, ValueError):
-            usable = False
-        if not usable:
+            found[k] = np.nan
+        if not (np.isfinite(found[k]) and (unit == "deg" or found[k] > 0)):
             raise InputError(
                 "calibration.pose_angle_form", at=event.onset, what=str(given), column=column
             )
-        found.append(value)
+        low, high = LIMITS[JOINT[joint.name], k]
+        if unit == "deg" and not low - BEYOND_LIMITS <= found[k] <= high + BEYOND_LIMITS:
+            raise InputError(
+                "calibration.pose_angle_impossible",
+                at=event.onset,
+                value=found[k] / DEG,
+                column=column,
+                low=low / DEG,
+                high=high / DEG,
+            )
     return found[0], found[1], found[2]
 
 
@@ -197,9 +220,9 @@ def calibrate(
 ) -> Calibration:
     """Calibrate from the inertial samples of the pose (one block a stream); refuses a pose that is
     short, incomplete or not still."""
-    window = _stillest_stretch(
-        params, [b.between(pose.onset, pose.end) for b in blocks if b.stream.inertial], pose
-    )
+    inertial = [b for b in blocks if b.stream.inertial]
+    _refuse_outside(inertial, pose)
+    window = _stillest_stretch(params, [b.between(pose.onset, pose.end) for b in inertial], pose)
     still = {name: s for b in window for name, s in held_still(b, params.pose_duration).items()}
     if "hand" not in still:
         raise InputError("calibration.pose_without_hand_samples", time=pose.onset)
@@ -380,6 +403,17 @@ def white_noise(samples: Array, rate: float) -> float | None:
     )
 
 
+def _refuse_outside(blocks: list[Block], pose: Pose) -> None:
+    spans = np.array([(b.t[0], b.t[-1]) for b in blocks if len(b.t)])
+    if len(spans) and (pose.onset > spans[:, 1].max() or pose.end < spans[:, 0].min()):
+        raise InputError(
+            "calibration.pose_outside",
+            time=pose.onset,
+            start=float(spans[:, 0].min()),
+            end=float(spans[:, 1].max()),
+        )
+
+
 def _stillest_stretch(params: PoseParams, window: list[Block], pose: Pose) -> list[Block]:
     """The stretch of `pose_duration` in which the gyroscopes vary least; the whole window where it
     is not longer."""
@@ -513,6 +547,9 @@ def _warnings(
     pose: Pose,
 ) -> tuple[str, ...]:
     warnings = []
+    if pose.unread:
+        columns = ", ".join(pose.unread)
+        warnings.append(phrase("calibration.pose_columns_unread", at=pose.onset, columns=columns))
     for name, samples in still.items():
         g = float(np.linalg.norm(samples.mean[3:]))
         if abs(g - GRAVITY) > 1.0:

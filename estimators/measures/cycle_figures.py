@@ -202,9 +202,17 @@ def size_figures(
 
 
 def stop_figures(
-    params: Params, kinds: Mapping[str, Kind], prefix: str, each: Sequence[Stops], graded: Graded
+    params: Params,
+    kinds: Mapping[str, Kind],
+    prefix: str,
+    c: Cycles,
+    each: Sequence[Stops],
+    graded: Graded,
 ) -> list[Figure]:
-    """From the stops at the threshold speed, at four and at six fifths of it."""
+    """From the stops at the threshold speed, at four and at six fifths of it; not measured where they hold whole cycles."""
+    if each[0].hide(c):
+        slow = phrase("measure.movement_below_stop_speed", speed=np.degrees(params.still_speed))
+        return [k.of(np.nan, None, "poor", slow) for k in kinds.values()]
     longest = [float(s.durations.max(initial=0.0)) for s in each]
     rows: dict[str, tuple[float, float | None, str]] = {}
     for name, least in (("interruptions", params.interruption), ("freezes", params.freeze)):

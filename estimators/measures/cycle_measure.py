@@ -99,7 +99,9 @@ def list_figures(words: Words, r: CycleResult) -> list[Figure]:
     made += cycle_figures.size_figures(
         r.params, words.sizes(), words.prefix, r.cycles, r.sd, graded
     )
-    return made + cycle_figures.stop_figures(r.params, words.stops(), words.prefix, r.stops, graded)
+    return made + cycle_figures.stop_figures(
+        r.params, words.stops(), words.prefix, r.cycles, r.stops, graded
+    )
 
 
 def plot_cycles(words: Words, r: CycleResult) -> PlotData:
@@ -111,7 +113,7 @@ def plot_cycles(words: Words, r: CycleResult) -> PlotData:
         Curve(f"{words.prefix}_angle", "rad", c.t, c.opening),
         Curve(f"{words.prefix}_amplitude", "rad", np.arange(1.0, c.count + 1), c.amplitudes, "1"),
     )
-    marks = {"closing": c.closings} | (
-        {"freeze": r.stops[0].lasting(r.params.freeze)} if r.stops else {}
-    )
+    marks = {"closing": c.closings}
+    if r.stops and not r.stops[0].hide(c):
+        marks["freeze"] = r.stops[0].lasting(r.params.freeze)
     return PlotData(curves, marks)

@@ -2,7 +2,8 @@
 
 In      times t (n,) s and an opening (n,) in m or rad that is smallest where a cycle begins and ends; sampled anyhow, NaN where unknown
 Out     complete cycles: when, how wide, how fast; how intervals and amplitudes change; stretches of hardly any movement
-Source  closings are minima of prominence >= 25 % of the 5-95 % range, at least 0.1 s apart; linear drift inside each cycle removed, so that a closing is 0: ours,
+Source  closings are minima of prominence >= 25 % of the 5-95 % range, at least 0.1 s apart; in a closed rest before the first or after the last opening, the
+        minimum next to that opening; linear drift inside each cycle removed, so that a closing is 0: ours,
         after ReTap (Habets 2023, doi 10.3390/s23115238); interruptions and freezes: Islam 2023 (npj Digit Med 6:156), the constants of its code
 Limits  a cycle smaller than a quarter of the range is not counted; a cycle with a gap longer than `max_gap` is left out of all figures
 """
@@ -129,6 +130,11 @@ class Stops:
         """When those began (s) that lasted at least that long."""
         return self.onsets[self.durations >= least - 1e-9]
 
+    def hide(self, c: Cycles) -> bool:
+        """Whether a whole cycle lies within a stop: then the movement itself is hardly any, and stops cannot be told from it."""
+        starts, ends = self.onsets[:, None], (self.onsets + self.durations)[:, None]
+        return bool(((starts <= c.onsets + c.period) & (c.ends <= ends + c.period)).any())
+
 
 def find_cycles(
     params: Params,
@@ -213,11 +219,15 @@ def find_closings(params: Params, signal: Even, smallest: float) -> np.ndarray:
     low, high = np.percentile(signal.values[signal.known], [5, 95])
     if high - low < smallest:
         return np.empty(0, int)
-    least_samples = max(1, round(params.cycle_min / signal.period))
-    return np.asarray(
-        find_peaks(
-            -signal.values, prominence=params.prominence * (high - low), distance=least_samples
-        )[0]
+    shortest = max(1, round(params.cycle_min / signal.period))
+    least = params.prominence * (high - low)
+    # beyond its ends the signal counts as open, so that a rest there is a minimum as well
+    opened = np.pad(signal.values, 1, constant_values=low + 2 * least)
+    closed = find_peaks(-opened, prominence=least, distance=shortest)[0] - 1
+    last = len(signal.values) - 1
+    closed = _move_to_first_opening(signal.values, closed, SMALL * least)
+    return (
+        last - _move_to_first_opening(signal.values[::-1], last - closed[::-1], SMALL * least)[::-1]
     )
 
 
@@ -245,6 +255,17 @@ def _closings_within(
     return np.asarray(
         closed[(t >= within[0] - params.cycle_min) & (t <= within[1] + params.cycle_min)]
     )
+
+
+def _move_to_first_opening(values: Array, closed: np.ndarray, small: float) -> np.ndarray:
+    """Closings (indices) with the first at the end of the rest that it may lie in; left out where the signal begins with no minimum."""
+    if len(closed) < 2:
+        return closed
+    first = int(closed[0])
+    widest = first + int(np.argmax(values[first : closed[1]]))
+    rest = 1 + np.flatnonzero(values[1:widest] <= values[first] + small)
+    leaving = rest[(values[rest - 1] >= values[rest]) & (values[rest] < values[rest + 1])]
+    return np.concatenate([leaving[-1:], closed[1:]])
 
 
 def _complete_cycles(signal: Even, closed: np.ndarray) -> list[tuple[int, int]]:

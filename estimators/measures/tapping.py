@@ -246,11 +246,10 @@ def figures(tapping: Tapping) -> list[Figure]:
             p, ANGLES, ANGLE, tapping.turns, tapping.angle_sd, graded
         )
     if tapping.stops and c.count:
-        made += cycle_figures.stop_figures(p, STOPS, PREFIX, tapping.stops, graded)
+        made += cycle_figures.stop_figures(p, STOPS, PREFIX, c, tapping.stops, graded)
     elif tapping.taps:
-        made += [
-            k.of(np.nan, None, "poor", tapping.reason or "needs an angle") for k in STOPS.values()
-        ]
+        reason = tapping.reason or phrase("measure.angle_needed")
+        made += [k.of(np.nan, None, "poor", reason) for k in STOPS.values()]
     return made
 
 
@@ -270,7 +269,7 @@ def shown(tapping: Tapping) -> PlotData:
             Curve("tapping_angle_amplitude", "rad", number, tapping.turns.amplitudes, "1")
         )
     marks = {"closing": tapping.closings}
-    if tapping.stops:
+    if tapping.stops and not tapping.stops[0].hide(c):
         marks["freeze"] = tapping.stops[0].lasting(tapping.params.freeze)
     return PlotData(tuple(curves), marks)
 

@@ -199,9 +199,8 @@ def _measure_segment(
     period, n = axes[0].period, len(axes[0].t)
     size = round(params.window / period)
     if 0.5 / period < params.highest:
-        return _nothing(
-            part, f"sampled at {1 / period:.0f} Hz: too slow for tremor up to {params.highest:g} Hz"
-        )
+        slow = phrase("measure.too_slow_for_tremor", rate=1 / period, highest=params.highest)
+        return _nothing(part, slow)
     if n < size:
         return _nothing(part, phrase("measure.shorter_than_window", length=params.window))
     lost = 1.0 - float(np.mean([a.known.mean() for a in axes]))

@@ -22,6 +22,7 @@ from handscope.estimators.fault_detection.finding import Suspicion, Untested
 from handscope.estimators.fault_detection.neighbours.check_neighbours import Compared
 from handscope.estimators.fault_detection.words import as_findings, sentence
 from handscope.estimators.hand.anatomy import SEGMENT
+from handscope.estimators.messages.sentence import messages_of
 from handscope.estimators.methods import m2
 from handscope.estimators.pipeline.process import Processed, whole_of
 from handscope.estimators.pipeline.recording_calibration import calibrate
@@ -37,6 +38,7 @@ EXPLAINS = {  # what a cause of the file looks like at single sensors, by the ki
     "file.accelerometer_negated": "turned",
 }
 BY_TURNED = {"sensor.slipped", "sensors.disagree"}  # what a sensor that turned explains
+IN_OTHER_UNIT = "sensor.accelerometer_unit"
 EDGE = 0.1  # s: checks look at windows, so a fault begins a little earlier and ends a little later than they say
 
 
@@ -53,7 +55,7 @@ def check_processed(processed: Processed, recording: Recording) -> Processed:
         for s in suspicions_of(recording, processed.calibrations, compared)
         if not (s.message.code in BY_TURNED and turned & {*s.sensors})
     ]
-    processed = _without_explained(processed, {s.message.code for s in suspicions})
+    processed = _without_explained(processed, suspicions)
     findings = as_findings(suspicions)
     flag_segments(processed.trajectory, [*as_findings(noticed), *findings])
     trajectory = processed.trajectory
@@ -72,11 +74,17 @@ def check_processed(processed: Processed, recording: Recording) -> Processed:
     )
 
 
-def _without_explained(processed: Processed, codes: set[str]) -> Processed:
-    """Without what is said of each sensor where one cause of the file explains it; flags stay as they are."""
-    kinds = {kind for code, kind in EXPLAINS.items() if code in codes}
+def _without_explained(processed: Processed, suspicions: Sequence[Suspicion]) -> Processed:
+    """Without what is said of each sensor where one cause of the file or a wrong unit explains it; flags stay as they are."""
+    kinds = {EXPLAINS.get(s.message.code) for s in suspicions}
     explained = [f for f in processed.findings if f.kind in kinds]
-    messages = {f.message for f in explained}
+    units = {n for s in suspicions if s.message.code == IN_OTHER_UNIT for n in s.sensors}
+    messages = {f.message for f in explained} | {
+        w
+        for w in processed.warnings
+        for m in messages_of(w)
+        if m.code == "calibration.resting_gravity" and m.values["sensor"] in units
+    }
     return replace(
         processed,
         findings=tuple(f for f in processed.findings if f not in explained),

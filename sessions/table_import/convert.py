@@ -31,6 +31,7 @@ EPOCH = datetime.fromtimestamp(0, UTC)
 OLDEST = datetime(2000, 1, 1, tzinfo=UTC)  # that a column of times may begin to be taken for dates
 AHEAD = timedelta(days=1)  # that a logger's clock may be ahead
 START = 10.0  # s that the clock shows at the first sample
+SLOWEST_RATE, FASTEST_RATE = 5.0, 10_000.0  # Hz that a hand's movement is sampled at
 GRAVITY_SHARE = 0.15  # of gravity that the median size of accelerations may be off
 FASTEST = 60.0  # rad/s; a gyroscope's largest full scale is 4000 deg/s = 70 rad/s
 QUANTITIES = ((GYR, ACC, MAG), (ORIENTATION,))  # of one stream each
@@ -105,7 +106,7 @@ def _times(table: NumberColumns, columns: ColumnMap) -> tuple[Array, float]:
         row = int(np.flatnonzero(steps <= 0)[0]) + 2 if len(t) > 1 else 1
         raise InputError("import.time_not_increasing", file=table.file, column=column, row=row)
     rate = float(1 / np.median(steps))
-    if not 5 <= rate <= 10000:
+    if not SLOWEST_RATE <= rate <= FASTEST_RATE:
         raise InputError(
             "import.rate_implausible", file=table.file, column=column, unit=unit, rate=rate
         )
@@ -147,11 +148,18 @@ def _require_unit_norm(blocks: Sequence[Block], file: str) -> None:
 
 def _likely_unit(size: float, stated: str) -> str:
     """What a size (m/s^2) by the stated unit says of the unit."""
-    reading = size / FACTORS[ACC][stated]
-    for unit, factor in FACTORS[ACC].items():
-        if abs(reading * factor / GRAVITY - 1) < GRAVITY_SHARE:
-            return phrase("import.unit_likely", unit=unit, stated=stated)
-    return phrase("import.check_unit")
+    unit = unit_of_gravity(size / FACTORS[ACC][stated])
+    return (
+        phrase("import.unit_likely", unit=unit, stated=stated)
+        if unit
+        else phrase("import.check_unit")
+    )
+
+
+def unit_of_gravity(reading: float) -> str | None:
+    """The unit in which a reading at rest is gravity."""
+    near = (abs(reading * f / GRAVITY - 1) < GRAVITY_SHARE for f in FACTORS[ACC].values())
+    return next((unit for unit, fits in zip(FACTORS[ACC], near) if fits), None)
 
 
 def write_native(

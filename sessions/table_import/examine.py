@@ -5,7 +5,7 @@ Out     messages in the order in which a person reads them, and the stretches at
 Source  rules ours; a gyroscope must turn gravity as its accelerometer sees it turn: dg/dt = -w x g
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,7 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
 from handscope.sessions.table_import.column_map import FACTORS, ColumnMap
+from handscope.sessions.table_import.convert import unit_of_gravity
 
 AT_REST = np.radians(10)  # rad/s; a gyroscope's offset is less
 REST = 1.0  # s, shortest rest
@@ -82,17 +83,42 @@ def _gravity(
         found = np.nanmedian(norms[still] if still.any() else norms, axis=0)
         sizes |= dict(zip(block.stream.sensors, map(float, found)))
     units = {p: columns.sensors[p].channels[ACC].unit for p in sizes}
-    for unit in dict.fromkeys(units.values()):
-        size = float(np.median([s for p, s in sizes.items() if units[p] == unit]))
+    other = {
+        p
+        for p in sizes
+        if unit_of_gravity(sizes[p] / FACTORS[ACC][units[p]]) not in (None, units[p])
+    }
+    for unit in dict.fromkeys(units[p] for p in sizes if p not in other):
+        size = float(
+            np.median([s for p, s in sizes.items() if units[p] == unit and p not in other])
+        )
         values: dict[str, Value] = {"reading": size / FACTORS[ACC][unit], "unit": unit}
         if rests:
             yield Message("import.seen_gravity", values, "info")
         else:
             yield Message("import.seen_gravity_moving", values, "info")
+    yield from _other_units(
+        {p: (sizes[p] / FACTORS[ACC][units[p]], units[p]) for p in sizes if p in other}
+    )
     for point, size in sizes.items():
-        if abs(size / GRAVITY - 1) > GRAVITY_OFF:
+        if point not in other and abs(size / GRAVITY - 1) > GRAVITY_OFF:
             off: dict[str, Value] = {"point": point, "share": 100 * abs(size / GRAVITY - 1)}
             yield Message("import.seen_gravity_off", off, "warning")
+
+
+def _other_units(readings: Mapping[str, tuple[float, str]]) -> Iterator[Message]:
+    """Once for each unit that readings of gravity, of points stated in another unit, look like."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for point, (reading, stated) in readings.items():
+        found.setdefault((stated, unit_of_gravity(reading) or ""), []).append(point)
+    for (stated, unit), points in found.items():
+        values: dict[str, Value] = {
+            "points": ", ".join(points),
+            "reading": float(np.median([readings[p][0] for p in points])),
+            "stated": stated,
+            "unit": unit,
+        }
+        yield Message("import.seen_gravity_unit", values, "warning")
 
 
 def _turning(blocks: Sequence[Block]) -> Iterator[Message]:

@@ -6,7 +6,7 @@ Source  gravity is 9.78 to 9.83 m/s^2 on the ground (WGS 84); errors of calibrat
 Limits  without a second of rest only units are told, not single sensors
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,7 +89,8 @@ def accelerometer_sizes(cells: Cells) -> tuple[list[Suspicion], float]:
     Returns
     -------
     suspicions : list of Suspicion
-        `file.accelerometer_unit` once for all, or `sensor.accelerometer_size` a sensor at rest whose gravity is off.
+        `file.accelerometer_unit` once for all; of single sensors at rest `sensor.accelerometer_unit` once for those that look like
+        another unit, or `sensor.accelerometer_size` each whose gravity is off.
     factor : float
         1 where the unit is m/s^2.
     """
@@ -105,13 +106,17 @@ def accelerometer_sizes(cells: Cells) -> tuple[list[Suspicion], float]:
         )
         p = float(2 * normal_sf(min(abs(np.log(factor)) * GRAVITY / SIZE_SD, 30.0)))
         found.append(Suspicion(message, cells.sensors, (span,), p, {"acc": factor * np.eye(3)}))
-    for sensor, size, rested in zip(cells.sensors, gravity.size * factor, gravity.rested):
+    other: dict[str, list[tuple[str, float, float]]] = {}  # sensor, size and p by unit
+    for sensor, read, rested in zip(cells.sensors, gravity.size, gravity.rested):
+        size = read * factor
         p = (
             len(cells.sensors) * 2 * float(normal_sf(abs(size - GRAVITY) / SIZE_SD))
             if rested
             else 1.0
         )
-        if p < FALSE_ALARMS and abs(size - GRAVITY) > NOTED:
+        if p < FALSE_ALARMS and (own := _other_unit(read, unit)):
+            other.setdefault(own, []).append((sensor, read, p))
+        elif p < FALSE_ALARMS and abs(size - GRAVITY) > NOTED:
             values: dict[str, float | str] = {
                 "sensor": sensor,
                 "size": float(size),
@@ -120,7 +125,34 @@ def accelerometer_sizes(cells: Cells) -> tuple[list[Suspicion], float]:
             much = abs(size - GRAVITY) > FAULT
             message = Message("sensor.accelerometer_size", values, "fault" if much else "warning")
             found.append(Suspicion(message, (sensor,), (span,), float(p)))
-    return found, factor
+    return [*found, *(_in_other_unit(u, read, span) for u, read in other.items())], factor
+
+
+def _other_unit(size: float, common: str | None) -> str | None:
+    """The unit, not the `common` one of the file, in which a reading at rest is gravity."""
+    common = common or "m/s^2"
+    return next(
+        (
+            u
+            for u, gravity in {**UNITS, "m/s^2": GRAVITY}.items()
+            if u != common and abs(np.log(size / gravity)) < np.log(AT_REST)
+        ),
+        None,
+    )
+
+
+def _in_other_unit(
+    unit: str, readings: Sequence[tuple[str, float, float]], span: tuple[float, float]
+) -> Suspicion:
+    sensors, sizes, p = zip(*readings)
+    values: dict[str, float | str] = {
+        "sensors": ", ".join(sensors),
+        "size": float(np.median(sizes)),
+        "unit": unit,
+        "factor": GRAVITY / {**UNITS, "m/s^2": GRAVITY}[unit],
+    }
+    message = Message("sensor.accelerometer_unit", values, "fault")
+    return Suspicion(message, sensors, (span,), float(min(p)))
 
 
 def negated_in_pose(

@@ -78,6 +78,7 @@ CODES = (  # of all messages
         "file.accelerometer_negated",
         "sensor.accelerometer_negated",
         "sensor.accelerometer_size",
+        "sensor.accelerometer_unit",
     ),
     *(f"file.{code}" for code in sorted({f.code for f in discrete_faults() if f.code})),
     *(f"sensor.{code}" for code in SHARES),

@@ -127,6 +127,12 @@ def test_bids_report_and_exports_are_written(moved: Any, arrays: Any, tmp_path: 
         ({"segments": ["hand", "nose"]}, "there is no segment 'nose'"),
         ({"segments": ["hand"]}, "has the shape"),
         ({"t": [0.0, 0.0, 1.0]}, "later than the one before"),
+        ({"t": [0.0, 10.0, 20.0]}, "0.1 samples a second; is the unit of the time right?"),
+        ({"t": [0.0, 1e-5, 2e-5]}, r"1e\+05 samples a second"),
+        (
+            {"t": np.array(["NaT", "2026-01-01", "2026-01-02"], "datetime64[s]")},
+            "one time a sample",
+        ),
     ],
 )
 def test_arrays_that_do_not_fit_are_refused_with_what_to_do(
@@ -137,6 +143,24 @@ def test_arrays_that_do_not_fit_are_refused_with_what_to_do(
     given |= {"segments": ["hand", "index_proximal"], "hand": "left"}
     with pytest.raises(InputError, match=said):
         hs.from_arrays(**{**given, **change})
+
+
+def test_clock_times_count_from_the_first_sample() -> None:
+    zero = np.zeros((3, 1, 3))
+    for unit in ("ms", "ns"):
+        t = np.array(["2026-01-01T10:00:00.000", "2026-01-01T10:00:00.010"], f"datetime64[{unit}]")
+        rec = hs.from_arrays(np.append(t, t[1] + (t[1] - t[0])), zero, zero, ["hand"], "left")
+        np.testing.assert_allclose(rec.samples["arrays"].t, [0.0, 0.01, 0.02], atol=1e-12)
+
+
+def test_infinite_values_are_missing_samples_and_said_once() -> None:
+    gyr = np.zeros((300, 2, 3))
+    gyr[100], gyr[200, 1, 0] = np.inf, -np.inf
+    t, names = np.arange(300) / 100, ["hand", "index_proximal"]
+    rec = hs.from_arrays(t, gyr, np.full(gyr.shape, 5.7), names, "left")
+    assert np.isnan(rec.samples["arrays"].of("gyr")[100]).all()
+    (warning,) = rec.warnings
+    assert warning == "values that are infinite: 7 (hand, index_proximal); they count as missing"
 
 
 def test_events_outside_the_recording_and_unknown_names_are_refused(arrays: Any, path: str) -> None:

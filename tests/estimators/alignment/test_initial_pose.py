@@ -152,7 +152,11 @@ def test_a_short_pose_is_refused() -> None:
 
 
 def test_a_pose_outside_the_recording_is_refused() -> None:
-    assert "0.0 s of samples" in _refusal(pose_and_wiggle("left"), Pose(500.0, 3.0))
+    recording = pose_and_wiggle("left")
+    t = recording.samples["imu"].t
+    words = f"the recording goes from {t[0]:.1f} to {t[-1]:.1f} s"
+    for onset in (500.0, -1.7e9):
+        assert words in _refusal(recording, Pose(onset, 3.0))
 
 
 def test_a_pose_without_the_hands_sensor_is_refused() -> None:
@@ -232,6 +236,40 @@ def test_a_pose_event_tells_the_thumbs_angles_in_degrees() -> None:
 def test_a_thumb_angle_that_is_no_number_is_refused(value: object) -> None:
     with pytest.raises(InputError, match="number of degrees"):
         initial_pose.pose_of(Event(1.0, 3.0, "initial_pose", {"thumb_cmc_flexion_deg": value}))
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [
+        ("index_mcp_deviation_deg", 900.0),
+        ("wrist_flexion_deg", -130.0),
+        ("thumb_ip_flexion_deg", 1e6),
+    ],
+)
+def test_a_pose_angle_that_no_joint_reaches_is_refused_with_what_it_can_do(
+    column: str, value: float
+) -> None:
+    with pytest.raises(InputError, match=f"{column}; this joint goes from -"):
+        initial_pose.pose_of(Event(1.0, 3.0, "initial_pose", {column: value}))
+    beyond = {
+        "index_pip_flexion_deg": -45.0,
+        "little_mcp_deviation_deg": 60.0,
+    }  # stiff or lax joints
+    initial_pose.pose_of(Event(1.0, 3.0, "initial_pose", beyond))
+
+
+def test_columns_of_a_pose_that_are_no_freedom_are_named_in_a_warning() -> None:
+    details = {
+        "index_mcp_deviaton_deg": 5.0,
+        "index_pip_deviation_deg": 5.0,
+        "index_mcp_deviation_deg": 0.0,
+        "index_mcp_deviation_sd_deg": 1.0,
+        "held_by": "therapist",
+    }
+    pose = initial_pose.pose_of(Event(1.5, 3.0, "initial_pose", details))
+    assert pose.measured == {}
+    (warning,) = _calibrate(pose_and_wiggle("left", IDEAL), pose).warnings
+    assert "index_mcp_deviaton_deg, index_pip_deviation_deg" in warning
 
 
 def test_another_recordings_headings_are_taken_over_with_this_ones_inclination() -> None:

@@ -54,6 +54,17 @@ def test_one_accelerometer_that_reads_too_much_at_rest_is_named():
     ]
 
 
+@pytest.mark.parametrize(("factor", "unit"), [(1 / GRAVITY, "g"), (1000 / GRAVITY, "mg")])
+def test_some_accelerometers_in_another_unit_are_named_once(factor: float, unit: str):
+    blocks = performed("initial_pose", "rom_fist")
+    for sensor in ("thumb_distal", "index_middle"):
+        blocks = with_readings(blocks, ACC, lambda a: factor * a, sensor)
+    found = [s for s in check_sensors(blocks) if "accelerometer" in s.message.code]
+    assert [(s.message.code, set(s.sensors), s.message.values["unit"]) for s in found] == [
+        ("sensor.accelerometer_unit", {"thumb_distal", "index_middle"}, unit)
+    ]
+
+
 def test_readings_that_stand_still_are_told_with_their_span():
     (found,) = check_sensors(frozen(moved_freely(), 8.0, 9.5))
     assert found.message.code == "file.frozen"

@@ -13,6 +13,7 @@ from handscope.estimators.measures.repetitive_movement import (
     PRONATION_SUPINATION,
     Movement,
 )
+from handscope.estimators.messages.sentence import codes_of
 from tests.estimators.measures.trajectories import by_name
 
 DEG = np.pi / 180
@@ -61,7 +62,9 @@ def test_a_distance_and_its_angle_tell_the_same_taps() -> None:
     assert _values(distance)["tapping_opening_speed_mean"] == pytest.approx(
         np.pi * 2.0 * 0.06, rel=0.03
     )
-    assert np.isnan(_values(distance)["tapping_freezes"])  # a distance has no deg/s
+    freezes = by_name(tapping.figures(distance))["tapping_freezes"]
+    assert np.isnan(freezes.value)  # a distance has no deg/s
+    assert codes_of(freezes.reason) == {"measure.angle_needed"}
     assert _values(angle)["tapping_freezes"] == 0
 
 
@@ -99,6 +102,29 @@ def test_a_pause_is_an_interruption_or_a_freeze_by_how_long_it_lasts() -> None:
     v = _values(tapping.of_angle(t, _opening(warped, 2.0, 60 * DEG, start=0.0)))
     assert (v["tapping_interruptions"], v["tapping_freezes"]) == (2, 1)
     assert v["tapping_longest_stop"] == pytest.approx(0.5, abs=0.1)
+
+
+def test_taps_slower_than_the_speed_of_a_stop_have_no_freezes_and_say_so() -> None:
+    """2.5 Hz of 3 and of 8 deg turn by at most 24 and 63 deg/s; there is no stop among them."""
+    t = np.arange(0, 10, 0.01)
+    params = Params(smallest_turn=2 * DEG)
+    for trial, prefix, measure in (
+        (tapping.of_angle(t, _opening(t, 2.5, 3 * DEG), params), "tapping", tapping),
+        (
+            repetitive_movement.of_turn(t, _opening(t, 2.5, 3 * DEG), params),
+            "open_close",
+            OPEN_CLOSE,
+        ),
+    ):
+        f = by_name(measure.figures(trial))  # type: ignore[arg-type]
+        for what in ("interruptions", "freezes", "longest_stop"):
+            figure = f[f"{prefix}_{what}"]
+            assert np.isnan(figure.value)
+            assert figure.grade == "poor"
+            assert "slower than 50 deg/s" in figure.reason
+        assert "freeze" not in measure.shown(trial).marks  # type: ignore[arg-type]
+        assert f[f"{prefix}_count"].grade == "good"
+    assert _values(tapping.of_angle(t, _opening(t, 2.5, 8 * DEG)))["tapping_freezes"] == 0
 
 
 def test_decrement_and_fatigue_are_those_put_in() -> None:

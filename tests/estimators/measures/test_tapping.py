@@ -126,6 +126,39 @@ def test_taps_outside_the_trial_do_not_count() -> None:
     assert tapping.measure(Params(), moved, closings[2] + 0.2, closings[6] - 0.2).count == 2
 
 
+def _rested(taps: int, rate: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Taps of 60 mm from 2 s on; before and after them the fingers rest together."""
+    t = np.arange(0, 4 + taps / rate, 0.01)
+    tapped = (t >= 2) & (t < 2 + taps / rate)
+    d = 0.01 + 0.03 * (1 - np.cos(2 * np.pi * rate * (t - 2))) * tapped
+    return t, d + rng.normal(0, 2e-4, len(t))
+
+
+@pytest.mark.parametrize(("taps", "rate"), [(3, 1.0), (10, 2.0), (20, 2.5), (15, 4.0)])
+def test_a_hand_that_rests_before_and_after_has_all_its_taps(taps: int, rate: float) -> None:
+    t, d = _rested(taps, rate, np.random.default_rng(taps))
+    for margin in (0.0, 0.2, 0.5, 1.0):
+        found = tapping.measure(Params(), _moved(t, d), 2 - margin, 2 + taps / rate + margin)
+        assert found.count == taps
+        assert found.rate == pytest.approx(rate, rel=0.05)
+    found = tapping.of_distance(t, d)
+    assert (found.count, found.taps and found.taps.count_sd) == (taps, 0.0)
+    np.testing.assert_allclose(found.closings[[0, -1]], [2, 2 + taps / rate], atol=0.06)
+
+
+def test_a_recording_that_begins_within_a_tap_begins_with_the_next() -> None:
+    t, d = _rested(10, 2.0, np.random.default_rng(0))
+    cut = (t > 2.1) & (t < 6.85)
+    assert tapping.of_distance(t[cut], d[cut]).count == 8
+
+
+def test_a_rest_with_open_fingers_is_no_closing() -> None:
+    """The fingers rest 30 mm apart, tap, and rest so again."""
+    t, d = _rested(10, 2.0, np.random.default_rng(0))
+    d[(t < 2.25) | (t > 6.75)] = np.maximum(d, 0.04)[(t < 2.25) | (t > 6.75)]
+    assert tapping.of_distance(t, d).count == 8
+
+
 def test_shallow_dips_within_an_opening_are_no_closings() -> None:
     t, d = _distance(ONSET + 1.0 * np.arange(6), np.full(5, 0.05))
     d += 0.004 * np.sin(2 * np.pi * 7 * t)

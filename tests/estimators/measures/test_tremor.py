@@ -9,6 +9,7 @@ from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
 from handscope.estimators.measures import tremor
 from handscope.estimators.measures.tremor import NO_PEAK, Params
+from handscope.estimators.messages.sentence import codes_of
 from handscope.estimators.numerics import quaternions as quat
 from tests.estimators.measures.trajectories import by_name, made
 
@@ -85,17 +86,18 @@ def test_a_segment_that_trembles_is_found_in_a_trajectory_and_its_figures_have_a
     ("t", "reason"),
     [
         (np.arange(0, 2, 0.01), "shorter than a window"),
-        (np.arange(0, 30, 0.05), "too slow for tremor"),
+        (np.arange(0, 30, 0.05), "sampled at 20 Hz: too slow for tremor up to 15 Hz"),
         (T, "% of the time without samples"),
     ],
 )
-def test_what_cannot_show_a_tremor_says_why(t: np.ndarray, reason: str) -> None:
+def test_what_cannot_show_a_tremor_says_why_with_a_code(t: np.ndarray, reason: str) -> None:
     rates = np.sin(2 * np.pi * 5 * t)
     if t is T:
         rates[(t > 5) & (t < 15)] = np.nan
     found = tremor.of_rates(t, rates)
     assert found.grade == "poor"
     assert reason in found.reason
+    assert codes_of(found.reason)
     assert np.isnan([f.value for f in tremor.figures([found])]).all()
 
 

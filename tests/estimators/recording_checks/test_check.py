@@ -11,7 +11,9 @@ from handscope.estimators.data.trajectory import Flag
 from handscope.estimators.hand.anatomy import FLEXION, JOINT, SEGMENT
 from handscope.estimators.measures.accuracy import DEFAULT, with_sd
 from handscope.estimators.measures.figure import grade_of
+from handscope.estimators.messages.sentence import codes_of
 from handscope.estimators.methods import m2
+from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.recording_checks.check import check_processed, suspicions_of
@@ -23,13 +25,15 @@ from tests.simulated import pose_and_wiggle
 SENSOR = "index_middle"
 
 
-def with_rates(recording: Simulated, change: Callable[[Array], Array]) -> Simulated:
-    """The recording with other angular rates (n, 3) of SENSOR."""
+def with_readings(
+    recording: Simulated, change: Callable[[Array], Array], quantity: str = GYR
+) -> Simulated:
+    """The recording with other readings (n, 3) of SENSOR."""
     samples = {}
     for name, block in recording.samples.items():
         values = block.values.copy()
-        if SENSOR in block.stream.sensors and GYR in block.stream.quantities:
-            k, axes = block.stream.sensors.index(SENSOR), block.stream.axes(GYR)
+        if SENSOR in block.stream.sensors and quantity in block.stream.quantities:
+            k, axes = block.stream.sensors.index(SENSOR), block.stream.axes(quantity)
             values[:, k, axes] = change(values[:, k, axes])
         samples[name] = Block(block.stream, block.t, values)
     return replace(recording, samples=samples)
@@ -58,7 +62,7 @@ def test_an_intact_recording_is_left_as_it_is(intact: Simulated) -> None:
 def test_a_gyroscope_at_fault_is_named_and_its_figures_are_not_good(
     intact: Simulated, change: Callable[[Array], Array], code: str
 ) -> None:
-    wrong = with_rates(intact, change)
+    wrong = with_readings(intact, change)
     checked = check_processed(process(m2, m2.Params(), wrong), wrong)
     (suspicion,) = [s for s in checked.suspicions if s.sensors == (SENSOR,)]
     assert suspicion.message.code == code
@@ -70,6 +74,14 @@ def test_a_gyroscope_at_fault_is_named_and_its_figures_are_not_good(
     assert (sd[:, JOINT["index_pip"], FLEXION] > np.radians(20.0)).all()
     assert (sd[:, JOINT["ring_pip"], FLEXION] < np.radians(10.0)).all()
     assert any(SENSOR in warning for warning in checked.warnings)
+
+
+def test_an_accelerometer_in_g_is_said_once(intact: Simulated) -> None:
+    wrong = with_readings(intact, lambda a: a / GRAVITY, ACC)
+    checked = check_processed(process(m2, m2.Params(), wrong), wrong)
+    codes = [c for w in checked.warnings if SENSOR in w for c in codes_of(w)]
+    assert "sensor.accelerometer_unit" in codes
+    assert not {"calibration.resting_gravity", "sensor.accelerometer_size"} & {*codes}
 
 
 def exchanged(recording: Simulated, a: str, b: str) -> Simulated:

@@ -336,6 +336,7 @@ def test_an_import_says_what_it_took_the_numbers_for(
         (lambda t, gyr, acc: (t, gyr[:, [1, 2, 0]], acc), "import.seen_disagreement"),
         (lambda t, gyr, acc: (t, gyr / 57.3, acc), "import.seen_rates_small"),
         (lambda t, gyr, acc: (t, gyr, 1.1 * acc), "import.seen_gravity_off"),
+        (lambda t, gyr, acc: (t, gyr, acc / 9.81), "import.seen_gravity_unit"),
         (lambda t, gyr, acc: (t + 0.5 * (t > 6), gyr, acc), "import.seen_gaps"),
         (lambda t, gyr, acc: (t + 0.004 * (np.arange(len(t)) % 2), gyr, acc), "import.seen_uneven"),
         (lambda t, gyr, acc: (t, gyr + 0.3, acc), "import.seen_no_rest"),
