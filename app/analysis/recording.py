@@ -245,8 +245,7 @@ def _infinite_words(infinite: np.ndarray, names: Sequence[str]) -> tuple[str, ..
     """A warning of how many values (n, sensors, columns) are infinite, and of which sensors."""
     if not infinite.any():
         return ()
-    of_sensor = infinite.any(axis=(0, 2)).tolist()
-    sensors = ", ".join(name for name, some in zip(names, of_sensor) if some)
+    sensors = ", ".join(name for k, name in enumerate(names) if infinite[:, k].any())
     return (phrase("analysis.infinite_values", count=int(infinite.sum()), sensors=sensors),)
 
 
