@@ -245,7 +245,7 @@ def _infinite_words(infinite: np.ndarray, names: Sequence[str]) -> tuple[str, ..
     """A warning of how many values (n, sensors, columns) are infinite, and of which sensors."""
     if not infinite.any():
         return ()
-    sensors = ", ".join(names[k] for k in np.flatnonzero(infinite.any(axis=(0, 2))))
+    sensors = ", ".join(n for k, n in enumerate(names) if infinite[:, k].any())
     return (phrase("analysis.infinite_values", count=int(infinite.sum()), sensors=sensors),)
 
 
