@@ -309,13 +309,11 @@ def test_the_wrong_glove_is_refused_or_said_in_red_and_the_empty_session_is_dele
     assert api(page, patient.replace(server.base, "/api"))["sessions"] == []
 
 
-def test_a_port_without_a_glove_says_so(
-    page_without_scene: Page, server: Server, tmp_path: Path
-) -> None:
+def test_a_port_without_a_glove_says_so(page_without_scene: Page, server: Server) -> None:
     page = page_without_scene
     page.goto(f"{server.base}/patients/{new_patient(page)}")
     page.get_by_role("radio", name="Another port").check()
-    page.get_by_label("Port", exact=True).fill(str(tmp_path / "nothing"))
+    page.get_by_label("Port", exact=True).fill("/dev/ttyABSENT")
     page.get_by_role("button", name="Start session").click()
     expect(shown(page.get_by_role("alert").filter(has_text="cannot be reached"))).to_contain_text(
         "is the glove plugged in?"
