@@ -95,13 +95,14 @@ def test_a_question_answered_while_its_page_is_left_does_not_lead_away_again(
 ) -> None:
     asked: list[Route] = []
     page.route(f"{server.base}/login", lambda route: asked.append(route))
-    with page.expect_response("**/api/patients*") as answer, sent_late(page, "**/api/patients*"):
-        with page.expect_request("**/api/patients*"):
+    with sent_late(page, "**/api/patients*"):
+        with page.expect_request("**/api/patients*") as question:
             page.reload(wait_until="commit")
         with page.expect_request(f"{server.base}/login"):
             page.locator(".menu > summary").click()
             page.get_by_role("button", name="Log out").click(no_wait_after=True)
-    assert answer.value.status == 401
+    answer = question.value.response()
+    assert answer is not None and answer.status == 401
     asked[0].continue_()
     page.wait_for_url("**/login")
     shown(code_form(page))
