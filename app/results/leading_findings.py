@@ -10,6 +10,7 @@ from handscope.estimators.messages.sentence import codes_of, messages_of
 
 MOST = 2
 ABOUT_SENSORS = ("sensor.", "sensors.", "file.", "fault.", "joint.")
+NAMING = ("sensor", "first", "second", "sensors")  # values of a message that name sensors
 FLAGGED = "processing.segments_flagged"
 ABSENT = "recording.strip_absent"
 GAPS = frozenset({"flag.missing", "flag.lost"})  # what an absent strip leaves
@@ -27,6 +28,19 @@ def leading_findings(trust: Trust, warnings: Sequence[str]) -> list[str]:
         if not _is_named(text, chosen):
             chosen.append(text)
     return chosen[:MOST]
+
+
+def faulty_sensors(warnings: Sequence[str]) -> list[str]:
+    """Tracked points whose sensor a message of a fault names, each once."""
+    found = [
+        str(message.values[name])
+        for text in warnings
+        for message in messages_of(text)
+        if message.severity == "fault" and message.code.startswith(ABOUT_SENSORS)
+        for name in NAMING
+        if name in message.values
+    ]
+    return list(dict.fromkeys(sensor for names in found for sensor in names.split(", ")))
 
 
 def _is_named(text: str, chosen: Sequence[str]) -> bool:

@@ -1,8 +1,8 @@
 """Whether the figures of a result can be trusted: yes, mostly or no, by rules that docs/checks.md states, with reasons and what to do.
 
 Rules     no: nothing was measured, there is no calibration, or more than MOST_POOR of the figures are graded poor
-          mostly: some figure is not graded good, an angle is larger than healthy people reach (norm mean + BEYOND standard deviations), or
-          thumb and fingertip drift apart or together while the hand rests
+          mostly: some figure is not graded good, an angle is larger than healthy people reach (norm mean + BEYOND standard deviations),
+          a sensor is faulty, also where joints beside it have no figures for that, or thumb and fingertip drift apart or together while the hand rests
           yes: else. Lost samples, warnings and the sizes of a calibration count only as far as they lower the grade of a figure
 """
 
@@ -63,6 +63,7 @@ class Trust:
     asks_hand: bool = (
         False  # whether the other hand was measured: a question, which changes no answer
     )
+    faulty: tuple[str, ...] = ()  # segments whose sensor is
 
 
 def judge_trust(
@@ -71,8 +72,9 @@ def judge_trust(
     edition: Edition | None = None,
     drifts: Sequence[Drift] = (),
     asks_hand: bool = False,
+    faulty: Sequence[str] = (),
 ) -> Trust:
-    """By the figures of a result, each with its task's name, and by what drifts at rest; `asks_hand` where it looks like the other hand's (hand_history.py)."""
+    """By the figures of a result, each with its task's name, and by what drifts at rest; `asks_hand` where it looks like the other hand's (hand_history.py), `faulty` segments whose sensor is."""
     counts: dict[tuple[str, str], int] = {}
     for task, figure in rows:
         if figure.grade != "good":
@@ -85,11 +87,11 @@ def judge_trust(
         *beyond,
     ]
     refused = not rows or not calibrated or poor > MOST_POOR * len(rows)
-    answer: Answer = "no" if refused else "mostly" if doubts or drifts else "yes"
+    answer: Answer = "no" if refused else "mostly" if doubts or drifts or faulty else "yes"
     doubts.sort(key=lambda doubt: -doubt.count)
     if not calibrated:
         doubts.insert(0, Doubt("", FLAG_WORDS[Flag.UNCALIBRATED], len(rows)))
-    return Trust(answer, good, len(rows), tuple(doubts), tuple(drifts), asks_hand)
+    return Trust(answer, good, len(rows), tuple(doubts), tuple(drifts), asks_hand, tuple(faulty))
 
 
 def trust_payload(
@@ -103,12 +105,17 @@ def trust_payload(
     reasons = [d.reason for d in trust.doubts]
     todo = [language.say(f"trust.do.{what}") for what in _todo(trust.doubts)]
     todo += advice(reasons, language)
+    if trust.faulty and (strip := language.say("trust.do.strip")) not in todo:
+        todo.append(strip)
     if trust.drifts:
         todo.append(language.say("trust.do.recalibrate"))
     if trust.doubts and not todo:
         todo = [language.say("trust.do.repeat")]
     listed = [language.say("trust.other_hand")] if trust.asks_hand else []
     todo = ([language.say("trust.do.other_hand")] if trust.asks_hand else []) + todo
+    if trust.faulty:
+        parts = language.several(map(language.segment, trust.faulty))
+        listed.append(language.say("trust.faulty", parts=parts))
     listed += [_drift_words(d, language) for d in trust.drifts]
     listed += [_doubt_words(d, titles, language, edition) for d in trust.doubts[:NAMED]]
     more = len(trust.doubts) - NAMED

@@ -5,7 +5,7 @@ from dataclasses import asdict
 import pytest
 
 from handscope.app.language import languages
-from handscope.app.results.leading_findings import leading_findings
+from handscope.app.results.leading_findings import faulty_sensors, leading_findings
 from handscope.app.results.result_view import readings
 from handscope.app.results.trust import judge_trust, trust_payload
 from handscope.estimators.measures.figure import Figure, Grade
@@ -140,3 +140,22 @@ def test_the_sensors_that_lower_figures_are_named_beside_the_answer(
     trust = judge_trust([("tapping", figure("poor", LIMIT)), ("tapping", figure())], True)
     assert leading_findings(trust, warnings) == findings
     assert leading_findings(judge_trust([("tapping", figure())], True), warnings) == []
+
+
+def test_a_faulty_sensor_whose_joints_have_no_figures_is_no_yes() -> None:
+    found = judge_trust([("rom_fist", figure())] * 5, True, faulty=["index_middle"])
+    told = trust_payload(found, {}, EN)
+    assert told["answer"] == "mostly"
+    assert "index" in told["reasons"][0] and "Faulty sensor" in told["reasons"][0]
+    assert any("exchange a sensor" in what for what in told["todo"])
+
+
+def test_faulty_sensors_are_those_that_messages_of_faults_name() -> None:
+    identical = Message("sensors.identical", {"first": "ring_middle", "second": "hand"}, "fault")
+    doubtful = Message(
+        "sensors.late",
+        {"sensors": "thumb_distal", "delay_ms": 200.0, "start": 1.0, "stop": 9.0, "odds": 1e6},
+        "warning",
+    )
+    texts = [Sentence(identical), Sentence(doubtful)]
+    assert faulty_sensors(texts) == ["ring_middle", "hand"]
