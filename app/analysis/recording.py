@@ -9,7 +9,17 @@ from typing import Any
 import numpy as np
 
 from handscope.app.version import software_version
-from handscope.estimators.data.samples import ACC, GYR, MAG, TRACKED_POINTS, Block, Event, Stream
+from handscope.estimators.data.samples import (
+    ACC,
+    FASTEST_RATE,
+    GYR,
+    MAG,
+    SLOWEST_RATE,
+    TRACKED_POINTS,
+    Block,
+    Event,
+    Stream,
+)
 from handscope.estimators.errors import InputError
 from handscope.estimators.fault_detection.words import sentence
 from handscope.estimators.hand.anatomy import HANDS, JOINTS, Hand
@@ -20,7 +30,6 @@ from handscope.estimators.recording_checks.check import suspicions_of, untested_
 from handscope.sessions import motion_bids
 from handscope.sessions.files import frames
 from handscope.sessions.files.recording import LoadedRecording
-from handscope.sessions.table_import.convert import FASTEST_RATE, SLOWEST_RATE
 
 G = 9.80665  # m/s^2
 UNITS: Mapping[str, Mapping[str, float]] = {

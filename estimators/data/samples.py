@@ -25,6 +25,7 @@ ORIENTATION = "orientation"
 # of full scale counts as saturated; ours: sensors clip a little early, and fast tapping comes near
 # 2000 deg/s
 SATURATION = 0.98
+SLOWEST_RATE, FASTEST_RATE = 5.0, 10_000.0  # Hz that a hand's movement is sampled at
 UNITS = {GYR: "rad/s", ACC: "m/s^2", MAG: "T", FORCE: "N", TORQUE: "Nm", ORIENTATION: "1"}
 COMPONENTS = {q: "wxyz" if q == ORIENTATION else "xyz" for q in UNITS}
 # base of the magnet's array: an inertial sensor, and a magnetometer where it has one

@@ -12,7 +12,17 @@ from pathlib import Path
 
 import numpy as np
 
-from handscope.estimators.data.samples import ACC, GYR, MAG, ORIENTATION, Block, Event, Stream
+from handscope.estimators.data.samples import (
+    ACC,
+    FASTEST_RATE,
+    GYR,
+    MAG,
+    ORIENTATION,
+    SLOWEST_RATE,
+    Block,
+    Event,
+    Stream,
+)
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import CHAINS
 from handscope.estimators.messages.sentence import phrase
@@ -31,7 +41,6 @@ EPOCH = datetime.fromtimestamp(0, UTC)
 OLDEST = datetime(2000, 1, 1, tzinfo=UTC)  # that a column of times may begin to be taken for dates
 AHEAD = timedelta(days=1)  # that a logger's clock may be ahead
 START = 10.0  # s that the clock shows at the first sample
-SLOWEST_RATE, FASTEST_RATE = 5.0, 10_000.0  # Hz that a hand's movement is sampled at
 GRAVITY_SHARE = 0.15  # of gravity that the median size of accelerations may be off
 FASTEST = 60.0  # rad/s; a gyroscope's largest full scale is 4000 deg/s = 70 rad/s
 QUANTITIES = ((GYR, ACC, MAG), (ORIENTATION,))  # of one stream each
