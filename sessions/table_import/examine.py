@@ -83,11 +83,9 @@ def _gravity(
         found = np.nanmedian(norms[still] if still.any() else norms, axis=0)
         sizes |= dict(zip(block.stream.sensors, map(float, found)))
     units = {p: columns.sensors[p].channels[ACC].unit for p in sizes}
-    other = {
-        p
-        for p in sizes
-        if unit_of_gravity(sizes[p] / FACTORS[ACC][units[p]]) not in (None, units[p])
-    }
+    readings = {p: size / FACTORS[ACC][units[p]] for p, size in sizes.items()}
+    likely = {p: unit_of_gravity(reading) for p, reading in readings.items()}
+    other = {p: unit for p, unit in likely.items() if unit is not None and unit != units[p]}
     for unit in dict.fromkeys(units[p] for p in sizes if p not in other):
         size = float(
             np.median([s for p, s in sizes.items() if units[p] == unit and p not in other])
@@ -97,24 +95,24 @@ def _gravity(
             yield Message("import.seen_gravity", values, "info")
         else:
             yield Message("import.seen_gravity_moving", values, "info")
-    yield from _other_units(
-        {p: (sizes[p] / FACTORS[ACC][units[p]], units[p]) for p in sizes if p in other}
-    )
+    yield from _other_units(readings, units, other)
     for point, size in sizes.items():
         if point not in other and abs(size / GRAVITY - 1) > GRAVITY_OFF:
             off: dict[str, Value] = {"point": point, "share": 100 * abs(size / GRAVITY - 1)}
             yield Message("import.seen_gravity_off", off, "warning")
 
 
-def _other_units(readings: Mapping[str, tuple[float, str]]) -> Iterator[Message]:
-    """Once for each unit that readings of gravity, of points stated in another unit, look like."""
+def _other_units(
+    readings: Mapping[str, float], stated_units: Mapping[str, str], other: Mapping[str, str]
+) -> Iterator[Message]:
+    """Once for each unit that readings of gravity look like at points that are stated in another."""
     found: dict[tuple[str, str], list[str]] = {}
-    for point, (reading, stated) in readings.items():
-        found.setdefault((stated, unit_of_gravity(reading) or ""), []).append(point)
+    for point, unit in other.items():
+        found.setdefault((stated_units[point], unit), []).append(point)
     for (stated, unit), points in found.items():
         values: dict[str, Value] = {
             "points": ", ".join(points),
-            "reading": float(np.median([readings[p][0] for p in points])),
+            "reading": float(np.median([readings[p] for p in points])),
             "stated": stated,
             "unit": unit,
         }
