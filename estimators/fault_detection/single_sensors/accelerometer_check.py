@@ -28,6 +28,7 @@ UNITS: Mapping[str, float] = {  # size of gravity in each
     "counts of +-8 g in 16 bit": 4096.0,
     "counts of +-16 g in 16 bit": 2048.0,
 }
+GRAVITY_IN = {**UNITS, "m/s^2": GRAVITY}
 AT_REST, MOVING = 1.12, 2.2  # times a unit's gravity that readings may be
 MOST = 2 / 3  # of all sensors that agree on a unit
 REST = 25  # cells of a stretch that is looked at for rest: 0.5 s
@@ -69,10 +70,7 @@ def accelerometer_unit(gravity: Gravity) -> str | None:
     known = np.isfinite(gravity.size)
     if not known.any():
         return None
-    off = {
-        u: np.abs(np.log(gravity.size[known] / size))
-        for u, size in {**UNITS, "m/s^2": GRAVITY}.items()
-    }
+    off = {u: np.abs(np.log(gravity.size[known] / size)) for u, size in GRAVITY_IN.items()}
     near = np.log(np.where(gravity.rested[known], AT_REST, MOVING))
     best = max(off, key=lambda u: (float(np.mean(off[u] < near)), -float(np.median(off[u]))))
     return best if best != "m/s^2" and np.mean(off[best] < near) >= MOST else None
@@ -134,7 +132,7 @@ def _other_unit(size: float, common: str | None) -> str | None:
     return next(
         (
             u
-            for u, gravity in {**UNITS, "m/s^2": GRAVITY}.items()
+            for u, gravity in GRAVITY_IN.items()
             if u != common and abs(np.log(size / gravity)) < np.log(AT_REST)
         ),
         None,
@@ -149,7 +147,7 @@ def _in_other_unit(
         "sensors": ", ".join(sensors),
         "size": float(np.median(sizes)),
         "unit": unit,
-        "factor": GRAVITY / {**UNITS, "m/s^2": GRAVITY}[unit],
+        "factor": GRAVITY / GRAVITY_IN[unit],
     }
     message = Message("sensor.accelerometer_unit", values, "fault")
     return Suspicion(message, sensors, (span,), float(min(p)))

@@ -105,7 +105,12 @@ def repeated_sensors(blocks: Sequence[Block]) -> list[Suspicion]:
         One a pair, `sensors.identical`; certain.
     """
     found: list[Suspicion] = []
-    every = [_Readings(b, k, q) for b in blocks for k in _columns(b) for q in b.stream.quantities]
+    every = [
+        _Readings(b, k, q)
+        for b in blocks
+        for k in range(len(b.stream.sensors))
+        for q in b.stream.quantities
+    ]
     for one, other in itertools.combinations(every, 2):
         pair = (one.sensor, other.sensor)
         is_known = any(pair == s.sensors for s in found)
@@ -142,10 +147,6 @@ class _Readings:
             and np.array_equal(self.values, other.values)
             and _is_noisy(self.values)
         )
-
-
-def _columns(block: Block) -> range:
-    return range(len(block.stream.sensors))
 
 
 def _is_noisy(values: NDArray[np.float64]) -> bool:

@@ -88,10 +88,11 @@ def losses_of(block: Block) -> list[Loss]:
     """Losses in one stream, in order of time."""
     if len(block.stream.sensors) < SENSORS or len(block.t) < 4 * FURTHEST:
         return []
-    if float(np.median(np.diff(block.t))) > 1.0 / LEAST_RATE:
+    period = float(np.median(np.diff(block.t)))
+    if period > 1.0 / LEAST_RATE:
         return []
     jump = _jumps(block)
-    peaks = _peaks(jump, max(1, round(NEAR / float(np.median(np.diff(block.t))))))
+    peaks = _peaks(jump, max(1, round(NEAR / period)))
     if len(peaks) < LEAVE + 5:
         return []
     tail = jump[peaks[LEAVE : LEAVE + TAIL]]
