@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.samples import Block, Recording
 from handscope.estimators.fault_detection.finding import Suspicion
-from handscope.estimators.fault_detection.neighbours import check_neighbours, other_joints
+from handscope.estimators.fault_detection.neighbours import check_neighbours
 from handscope.estimators.fault_detection.neighbours.check_neighbours import Compared
 from handscope.estimators.fault_detection.single_sensors.check_sensors import check_sensors
 
@@ -70,7 +70,7 @@ def _is_refuted(suspicion: Suspicion, compared: Compared | None) -> bool:
     (sensor,), (span,), views = suspicion.sensors, suspicion.spans, compared.views
     if views is None or not views.pairs.explains or sensor not in views.pairs.series.sensors:
         return False
-    return other_joints.refute_rates(views.pairs, views.others, sensor, suspicion.rates, span)
+    return views.others.refute_rates(sensor, suspicion.rates, span)
 
 
 def _without_repeated_slips(found: list[Suspicion]) -> list[Suspicion]:

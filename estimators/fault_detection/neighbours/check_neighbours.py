@@ -6,7 +6,7 @@ Source  ours; each family of tests has the false-alarm probability `FALSE_ALARM`
 Limits  what the movement does not show is not found: the tests stay silent where joints hardly move; see the modules that they call
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -28,11 +28,7 @@ from handscope.estimators.fault_detection.neighbours import (
 )
 from handscope.estimators.fault_detection.neighbours.delays import Delay
 from handscope.estimators.fault_detection.neighbours.joint_places import Bone, Verdict
-from handscope.estimators.fault_detection.neighbours.other_joints import (
-    Others,
-    refute_delay,
-    refute_rates,
-)
+from handscope.estimators.fault_detection.neighbours.other_joints import Others
 from handscope.estimators.fault_detection.neighbours.rates import rate_tests, synchrony
 from handscope.estimators.fault_detection.neighbours.rates.common_rates import CommonRates
 from handscope.estimators.fault_detection.neighbours.rates.synchrony import Signals
@@ -173,7 +169,7 @@ def _named(views: Views, odd: Sequence[tuple[str, str]]) -> list[Suspicion]:
     pairs, rates, others = views.pairs, views.rates, views.others
 
     def is_right(delay: Delay) -> bool:
-        return not refute_delay(pairs, others, delay.sensors, delay.late, delay.span)
+        return not others.refute_delay(delay.sensors, delay.late, delay.span)
 
     def is_sure(cause: _Cause) -> bool:
         at_odd_joint = any(set(joint) & set(cause.sensors) for joint in odd)
@@ -184,7 +180,7 @@ def _named(views: Views, odd: Sequence[tuple[str, str]]) -> list[Suspicion]:
         g
         for g in (gains.find(pairs), rate_tests.find_gain(rates))
         if g is not None
-        and not refute_rates(pairs, others, g.sensor, np.eye(3) / g.gain, whole_span(pairs))
+        and not others.refute_rates(g.sensor, np.eye(3) / g.gain, whole_span(pairs))
     ]
     single = [
         *(
@@ -194,25 +190,19 @@ def _named(views: Views, odd: Sequence[tuple[str, str]]) -> list[Suspicion]:
         ),
         *(_Cause((g.sensor,), g.evidence, of_gain(g, pairs)) for g in wrong_gains),
     ]
-    late = [_Cause(d.sensors, d.gain, of_delay(d)) for d in delays.find(pairs)]
+    late = _late(delays.find(pairs))
     known = [s for c in late if is_sure(c) for s in c.sensors]
-    late += [
-        _Cause(d.sensors, d.gain, of_delay(d))
-        for d in filter(is_right, rate_tests.find_delays(rates, known))
-    ]
+    late += _late(filter(is_right, rate_tests.find_delays(rates, known)))
     known = [s for c in late if is_sure(c) for s in c.sensors]
-    late += [
-        _Cause(d.sensors, d.gain, of_delay(d))
-        for d in filter(is_right, vibration.find(views.vibration, known))
-    ]
+    late += _late(filter(is_right, vibration.find(views.vibration, known)))
     named = _most_probable(
         pairs, [c for c in single if is_sure(c)], [c for c in late if is_sure(c)]
     )
     accused = [s for t in named for s in t.sensors]
     named += [
         of_delay(d)
-        for d in filter(is_right, synchrony.find(views.signals, accused))
-        if d.p_value < synchrony.FALSE_ALARM
+        for d in synchrony.find(views.signals, accused)
+        if d.p_value < synchrony.FALSE_ALARM and is_right(d)
     ]
     slipped = [
         s
@@ -233,6 +223,11 @@ class _Cause:
     sensors: tuple[str, ...]
     evidence: float  # log ratio of what is left over, all windows and joints
     suspicion: Suspicion
+
+
+def _late(found: Iterable[Delay]) -> list[_Cause]:
+    """Delays as causes."""
+    return [_Cause(d.sensors, d.gain, of_delay(d)) for d in found]
 
 
 def _most_probable(

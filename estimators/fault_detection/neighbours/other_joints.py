@@ -57,6 +57,51 @@ class Others:
             )
         return self._sizes[sensor]
 
+    def refute_delay(self, sensors: Sequence[str], late: float, span: tuple[float, float]) -> bool:
+        """Whether joints refute that sensors of one finger are late by `late` s within a span (s), as `_refute` has it."""
+        pairs, without = self.pairs, {}
+        for joint in pairs.joints:
+            if (joint[0] in sensors) != (joint[1] in sensors):  # the parent late is the child early
+                by = float(np.round(late if joint[1] in sensors else -late, 6))
+                without[joint] = (pairs.joint(*joint, joint, by).rest, pairs.use(*joint, by))
+        return self._refute(sensors[0], without, span)
+
+    def refute_rates(self, sensor: str, M: Array, span: tuple[float, float]) -> bool:
+        """Whether joints refute that a sensor turns at the rates that a matrix (3, 3) makes of its gyroscope's readings within a span (s), as `_refute` has it."""
+        pairs, changed = self.pairs, self.pairs.with_rates(sensor, M)
+        without = {
+            joint: (changed.joint(*joint, joint).rest, pairs.use(*joint))
+            for joint in pairs.joints
+            if sensor in joint
+        }
+        return self._refute(sensor, without, span)
+
+    def _refute(
+        self,
+        sensor: str,
+        without_fault: Mapping[tuple[str, str], tuple[Array, NDArray[np.bool_]]],
+        span: tuple[float, float],
+    ) -> bool:
+        """Whether joints leave what the recording's others let expect, and surely more where what they leave (K,), (m/s^2)^2, is that of readings without a fault."""
+        pairs, sizes = self.pairs, self.without(sensor)
+        t, gains, weights = pairs.windows(sensor).t, [], []
+        for joint, (rest, known) in without_fault.items():
+            use = known & pairs.use(*joint) & pairs.turns(*joint) & (t >= span[0]) & (t < span[1])
+            if not use.any():
+                continue
+            fitted = pairs.joint(*joint, joint)
+            parts = fitted.couple.parts
+            if _judge(fitted.rest[use], parts[use], sizes, EXPECTED)[1] < USUAL:
+                return False
+            noise = sizes.expected(parts)
+            gain = paired_test.log_rest(rest, noise) - paired_test.log_rest(fitted.rest, noise)
+            gains.append(np.where(use, gain, 0.0))
+            weights.append(np.where(use, paired_test.weight(rest, fitted.rest, noise), 0.0))
+        if not gains:
+            return False
+        p = paired_test.p_value(np.mean(gains, axis=0), MARGIN, np.max(weights, axis=0))
+        return p < REFUTED
+
 
 def beyond_others(pairs: Pairs, others: Others, joint: tuple[str, str]) -> tuple[float, float]:
     """How many times what the recording's other joints let expect a joint leaves, and how probable that is; the joints of either of its sensors left out in turn."""
@@ -77,56 +122,6 @@ def beyond_others(pairs: Pairs, others: Others, joint: tuple[str, str]) -> tuple
         found.append(_judge(rest[few, None], parts[few, None], sizes, EXPECTED_OF_FEW))
     times, p = min(found, key=lambda each: each[1])
     return times, len(found) * p
-
-
-def refute_delay(
-    pairs: Pairs, others: Others, sensors: Sequence[str], late: float, span: tuple[float, float]
-) -> bool:
-    """Whether joints refute that sensors of one finger are late by `late` s within a span (s), as `_refute` has it."""
-    without = {}
-    for joint in pairs.joints:
-        if (joint[0] in sensors) != (joint[1] in sensors):  # the parent late is the child early
-            by = float(np.round(late if joint[1] in sensors else -late, 6))
-            without[joint] = (pairs.joint(*joint, joint, by).rest, pairs.use(*joint, by))
-    return _refute(pairs, others, sensors[0], without, span)
-
-
-def refute_rates(
-    pairs: Pairs, others: Others, sensor: str, M: Array, span: tuple[float, float]
-) -> bool:
-    """Whether joints refute that a sensor turns at the rates that a matrix (3, 3) makes of its gyroscope's readings within a span (s), as `_refute` has it."""
-    changed = pairs.with_rates(sensor, M)
-    fits = {joint: changed.joint(*joint, joint) for joint in pairs.joints if sensor in joint}
-    without = {joint: (fit.rest, pairs.use(*joint)) for joint, fit in fits.items()}
-    return _refute(pairs, others, sensor, without, span)
-
-
-def _refute(
-    pairs: Pairs,
-    others: Others,
-    sensor: str,
-    without_fault: Mapping[tuple[str, str], tuple[Array, NDArray[np.bool_]]],
-    span: tuple[float, float],
-) -> bool:
-    """Whether joints leave what the recording's others let expect, and surely more where what they leave (K,), (m/s^2)^2, is that of readings without a fault."""
-    sizes, t = others.without(sensor), pairs.windows(sensor).t
-    gains, weights = [], []
-    for joint, (rest, known) in without_fault.items():
-        use = known & pairs.use(*joint) & pairs.turns(*joint) & (t >= span[0]) & (t < span[1])
-        if not use.any():
-            continue
-        fitted = pairs.joint(*joint, joint)
-        parts = fitted.couple.parts
-        if _judge(fitted.rest[use], parts[use], sizes, EXPECTED)[1] < USUAL:
-            return False
-        noise = sizes.expected(parts)
-        gain = paired_test.log_rest(rest, noise) - paired_test.log_rest(fitted.rest, noise)
-        gains.append(np.where(use, gain, 0.0))
-        weights.append(np.where(use, paired_test.weight(rest, fitted.rest, noise), 0.0))
-    if not gains:
-        return False
-    p = paired_test.p_value(np.mean(gains, axis=0), MARGIN, np.max(weights, axis=0))
-    return p < REFUTED
 
 
 def _judge(rest: Array, parts: Array, sizes: Components, middle: float) -> tuple[float, float]:

@@ -7,12 +7,7 @@ import pytest
 
 from handscope.estimators.data.samples import Block
 from handscope.estimators.fault_detection.neighbours.check_neighbours import prepare_pairs
-from handscope.estimators.fault_detection.neighbours.other_joints import (
-    Others,
-    refute_delay,
-    refute_rates,
-)
-from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
+from handscope.estimators.fault_detection.neighbours.other_joints import Others
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.recording_checks.check import suspicions_of
@@ -24,34 +19,34 @@ EVER = (-np.inf, np.inf)
 LATE, GAIN = 0.1, 1.2
 
 
-def _pairs(blocks: Sequence[Block]) -> tuple[Pairs, Others]:
+def _others(blocks: Sequence[Block]) -> Others:
     pairs = prepare_pairs(blocks, sized("left"), {}, [])
     assert pairs is not None
-    return pairs, Others(pairs)
+    return Others(pairs)
 
 
 @pytest.mark.parametrize("sensors", [("ring_middle",), CHAINS["index"]])
 def test_joints_refute_a_delay_unless_it_is_there(sensors: tuple[str, ...]) -> None:
     intact, late = freely_moved(), delayed(freely_moved(), sensors, LATE)
-    assert refute_delay(*_pairs(intact.blocks()), sensors, LATE, EVER)
-    assert not refute_delay(*_pairs(late), sensors, LATE, EVER)
+    assert _others(intact.blocks()).refute_delay(sensors, LATE, EVER)
+    assert not _others(late).refute_delay(sensors, LATE, EVER)
 
 
 @pytest.mark.parametrize("sensor", ["hand", "little_proximal"])
 def test_joints_refute_a_gain_unless_it_is_there(sensor: str) -> None:
     intact, wrong = freely_moved(), amplified(freely_moved(), sensor, GAIN)
-    assert refute_rates(*_pairs(intact.blocks()), sensor, np.eye(3) / GAIN, EVER)
-    assert not refute_rates(*_pairs(wrong), sensor, np.eye(3) / GAIN, EVER)
+    assert _others(intact.blocks()).refute_rates(sensor, np.eye(3) / GAIN, EVER)
+    assert not _others(wrong).refute_rates(sensor, np.eye(3) / GAIN, EVER)
 
 
 def test_joints_that_are_odd_for_another_cause_refute_nothing() -> None:
     late = delayed(freely_moved(), ["ring_middle"], LATE)
-    assert not refute_rates(*_pairs(late), "ring_middle", np.diag([-1.0, 1.0, 1.0]), EVER)
+    assert not _others(late).refute_rates("ring_middle", np.diag([-1.0, 1.0, 1.0]), EVER)
 
 
 def test_joints_outside_the_span_are_not_asked() -> None:
-    pairs, others = _pairs(freely_moved().blocks())
-    assert not refute_delay(pairs, others, ("ring_middle",), LATE, (100.0, 200.0))
+    others = _others(freely_moved().blocks())
+    assert not others.refute_delay(("ring_middle",), LATE, (100.0, 200.0))
 
 
 @pytest.mark.parametrize("person", [11325, 11326, 11332])
