@@ -2,9 +2,6 @@
 import { h, paced } from "../dom.js";
 import { errorBox } from "../forms.js";
 import { makeComing } from "../patient/coming.js";
-import * as emergency from "../patient/emergency.js";
-import * as erasures from "../patient/erasures.js";
-import * as newPatient from "../patient/new_patient.js";
 import * as notFinished from "../patient/unfinished.js";
 import { pages } from "../paging.js";
 import { counted, shortDayAndTime, t } from "../words/words.js";
@@ -30,12 +27,15 @@ export function mount(root, api, { go, title, roles }) {
   let leaveForm = null;
   const erased = h("div", {});
   const emergencies = h("div", { class: "stack" });
-  let leaveErased = () => {};
+  let [leaveErased, leaveEmergencies] = [() => {}, () => {}];
+  let gone = false;
   let asked = 0;
   let offset = 0;
 
-  function open() {
+  async function open() {
     if (leaveForm) return close();
+    const { newPatient } = (await loadRest().catch(box.show)) ?? {};
+    if (!newPatient || leaveForm || gone) return; // or pressed twice
     form.hidden = false;
     opener.setAttribute("aria-expanded", "true");
     leaveForm = newPatient.mount(form, api, { done: (patient) => go(`/patients/${patient.id}`), cancel: close });
@@ -67,11 +67,12 @@ export function mount(root, api, { go, title, roles }) {
     try {
       const query = new URLSearchParams({ search: words, archived: String(archived.checked), offset: String(offset), limit: String(PAGE) });
       const found = await api.some(`/api/patients?${query}`);
+      const { erasures } = archived.checked ? await loadRest() : {};
       if (mine !== asked) return;
       box.clear();
       leaveErased();
       erased.replaceChildren();
-      leaveErased = archived.checked && (treats || roles.includes("administrator")) ? erasures.mount(erased, api) : () => {};
+      leaveErased = erasures && (treats || roles.includes("administrator")) ? erasures.mount(erased, api) : () => {};
       coming.take(found.rows);
       const at = again && list.contains(document.activeElement) && document.activeElement.getAttribute("href");
       const some = found.rows.length > 0;
@@ -90,11 +91,13 @@ export function mount(root, api, { go, title, roles }) {
     unfinished,
     below,
   );
-  draw();
+  const drawn = draw();
   const above = treats ? notFinished.mount(unfinished, api) : null;
   above?.said.then(() => (below.hidden = false)); // else it would be moved down
-  const leaveEmergencies = treats ? emergency.mount(emergencies, api, { go }) : () => {};
+  const showEmergencies = ({ emergency }) => gone || (leaveEmergencies = emergency.mount(emergencies, api, { go }));
+  if (treats) drawn.then(loadRest).then(showEmergencies, box.show);
   return () => {
+    gone = true;
     above?.leave();
     leaveEmergencies();
     leaveErased();
@@ -102,6 +105,13 @@ export function mount(root, api, { go, title, roles }) {
     asked += 1;
     leaveForm?.();
   };
+}
+
+/** What the first view does not show, loaded after it. */
+async function loadRest() {
+  const parts = [import("../patient/new_patient.js"), import("../patient/emergency.js"), import("../patient/erasures.js")];
+  const [newPatient, emergency, erasures] = await Promise.all(parts).catch(() => Promise.reject(new Error(t("error.unreachable"))));
+  return { newPatient, emergency, erasures };
 }
 
 function searchRow(search, archived) {

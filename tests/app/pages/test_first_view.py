@@ -69,6 +69,14 @@ def test_a_document_names_all_modules_that_its_page_imports_and_none_besides(
     assert {n for n in names if n.endswith(".js")} == {*modules, f"{version}/languages/en.js"}
 
 
+def test_the_list_of_patients_loads_later_what_it_does_not_show_at_once(client: TestClient) -> None:
+    names = {Path(name).name for name in linked(client, "/")}
+    later = {"new_patient.js", "emergency.js", "erasures.js"}
+    assert not names & {*later, "fact_fields.js"}
+    script = (STATIC / "pages/patients.js").read_text("utf-8")
+    assert set(re.findall(r'import\("\.\./patient/([^"]+)"\)', script)) == later
+
+
 @pytest.mark.parametrize(("kind", "station"), [("live", None), ("replay", Replay.__new__(Replay))])
 def test_the_document_of_a_station_names_what_its_kind_needs(
     client: TestClient, monkeypatch: pytest.MonkeyPatch, kind: str, station: Replay | None
