@@ -10,6 +10,7 @@ UNDRAWN = """
   for (const drawing of ["drawArrays", "drawArraysInstanced", "drawElements", "drawElementsInstanced", "drawRangeElements"])
     WebGL2RenderingContext.prototype[drawing] = () => {};
 """  # for pages whose scene nobody looks at: without a graphics card its light takes ten seconds of a core and each picture half a second
+KEPT_APART = "--enable-features=SplitCacheByNetworkIsolationKey"  # what frames show is kept apart from what pages fetch, as in a browser with a window
 NAMES = (
     "chromium-headless-shell",
     "chromium",

@@ -10,7 +10,8 @@ export function mount(root, api, { id, go, title }) {
   const box = errorBox();
   const line = h("p", { class: "line warning", role: "status", hidden: true }, t("station.line_lost"));
   const panel = h("div", { class: "panel" });
-  const scene = h("div", { class: "scene" });
+  const hand = h("iframe", { src: `/scene/#${id}`, title: t("station.scene") }); // at once, as it is what takes longest
+  const scene = h("div", { class: "scene" }, hand);
   const strip = h("div", { class: "strip" });
   let leave = () => {};
   let gone = false;
@@ -38,7 +39,6 @@ export function mount(root, api, { id, go, title }) {
   async function begin() {
     await station.begin();
     if (gone) return;
-    scene.append(h("iframe", { src: `/scene/#${id}`, title: t("station.scene") })); // first, as it is what takes longest
     /** @type {[any, { mount: (...given: any[]) => () => void }]} */
     const [session, kind] = await Promise.all([
       api.get(`/api/sessions/${station.latest.session}`),

@@ -4,6 +4,7 @@ import { choices, errorBox, field, onSubmit } from "../forms.js";
 import { dayAndTime, t } from "../words/words.js";
 import * as relay from "../relay/relay.js";
 import * as planChoice from "./plan_choice.js";
+import { prefetchStation } from "./prefetch.js";
 import * as reuse from "./reuse.js";
 
 const OTHER = "?";
@@ -119,9 +120,10 @@ export function mount(root, api, { record, kept, go }) {
   root.append(h("h2", {}, t("new_session.title")), h("p", { class: "soft" }, t("new_session.lead")), ...clockWarnings(patient), form);
   askEarlier();
   const stop = kept.watch(askEarlier);
-  look().catch((error) => gone || box.show(error));
-  plan.load().catch((error) => gone || box.show(error));
-  offerOutlets().catch((error) => gone || box.show(error));
+  const loaded = [look(), plan.load(), offerOutlets()].map((part) => part.catch((error) => gone || box.show(error)));
+  Promise.all(loaded)
+    .then(() => gone || prefetchStation())
+    .catch(() => {}); // the station asks for it all itself
   return () => {
     gone = true;
     plan.unmount();

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page, expect, sync_playwright
 
-from tests.browser import UNDRAWN, chromium
+from tests.browser import KEPT_APART, UNDRAWN, chromium
 from tests.journeys.house import (
     LONG,
     RETRIES,
@@ -30,7 +30,8 @@ NOISE = (
     "GPU stall",
     "THREE.Clock",
     "GL Driver",
-)  # what a browser without a graphics card says of the scene
+    "Blocked script execution",
+)  # what a browser without a graphics card says of the scene, and any of its page in a frame without scripts (static/patient/prefetch.js)
 SELDOM = """
   const draws = window.requestAnimationFrame, drops = window.cancelAnimationFrame;
   const PAGE = 200, SCENE = 1000;  // ms between two pictures of a page, and of the scene once the hand stands in it
@@ -108,7 +109,7 @@ def browser() -> Iterator[Browser]:
     """One Chromium for all journeys: no test here has an event loop of its own."""
     expect.set_options(timeout=LONG)  # a busy machine answers late
     with sync_playwright() as tool:
-        one = tool.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
+        one = tool.chromium.launch(executable_path=chromium(), args=["--no-sandbox", KEPT_APART])
         yield one
         one.close()
 

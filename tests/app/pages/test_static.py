@@ -38,6 +38,7 @@ NOT_MOUNTED = {
     "record.js",
     "ward_names.js",
     "landmarks.js",
+    "prefetch.js",
     "photograph_figures.js",
     "connection.js",
     "words.js",

@@ -7,10 +7,11 @@ import pytest
 from playwright.sync_api import Page, Route, expect
 
 from tests.app.pages.first_view_time import HAND_STANDS
-from tests.journeys.house import api, new_patient, shown
+from tests.journeys.house import api, begin_session, held_back, new_patient, shown
 
 pytestmark = pytest.mark.browser
 LIST = "/api/patients?search=&archived=false&offset=0&limit=50"
+NAVIGATION = 'performance.getEntriesByType("navigation")[0].transferSize'
 SENT = """() => performance.getEntriesByType("resource")
   .filter((one) => one.transferSize > 0).map((one) => new URL(one.name).pathname)"""
 
@@ -79,6 +80,46 @@ def test_a_second_station_has_its_hand_without_the_page_of_the_scene_sent_again(
         assert frame is not None
         frame.wait_for_function(HAND_STANDS)
         assert frame.evaluate("location.pathname") == f"/scene/{station}/"
-        sent.append(frame.evaluate('performance.getEntriesByType("navigation")[0].transferSize'))
+        sent.append(frame.evaluate(NAVIGATION))
         api(page, f"/api/stations/{station}", "DELETE")
     assert sent[0] > 500_000 and sent[1] < 2_000
+
+
+def test_the_form_for_a_session_has_the_page_of_the_scene_kept_before_its_station_shows_it(
+    another_page: Callable[..., Page],
+) -> None:
+    page = another_page(at=None)
+    number = new_patient(page)
+    with page.expect_response("**/scene/") as sent:
+        page.goto(f"/patients/{number}")
+    assert int(sent.value.header_value("content-length") or 0) > 500_000
+    expect(page.locator("iframe")).to_have_count(0)  # it is there, and its frame gone
+    asked = asked_by(page, "")
+    begin_session(page, "left")
+    frame = page.wait_for_selector("iframe").content_frame()  # type: ignore[union-attr]
+    assert frame is not None
+    frame.wait_for_function(HAND_STANDS)
+    assert frame.evaluate(NAVIGATION) < 2_000
+    assert [address for address in asked if "/static/station/" in address] == []
+
+
+def test_a_browser_that_saves_data_fetches_nothing_of_a_station_from_the_form(
+    another_page: Callable[..., Page],
+) -> None:
+    page = another_page(at=None)
+    page.add_init_script("Object.defineProperty(navigator.connection, 'saveData', { value: true })")
+    number = new_patient(page)
+    asked = asked_by(page, "")
+    page.goto(f"/patients/{number}", wait_until="networkidle")
+    shown(page.get_by_role("button", name="Start session"))
+    assert [a for a in asked if "/scene/" in a or "/static/station/live.js" in a] == []
+
+
+def test_a_station_asks_for_its_scene_before_it_knows_anything_else(
+    another_page: Callable[..., Page],
+) -> None:
+    page = another_page(at=None)
+    with held_back(page, "**/api/stations/*"), page.expect_response("**/scene/"):
+        page.goto("/stations/none", wait_until="commit")
+    shown(page.get_by_role("heading", name="This session view is closed"))
+    expect(page.locator("iframe")).to_have_count(0)
