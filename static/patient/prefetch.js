@@ -5,6 +5,7 @@ let asked = false;
 
 /** Once, and not where the browser is to save data. */
 export async function prefetchStation() {
+  // @ts-expect-error: not every browser has it
   if (asked || navigator.connection?.saveData) return;
   asked = true;
   await Promise.all([import("../pages/station.js"), import("../station/live.js")]);
