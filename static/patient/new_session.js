@@ -121,7 +121,7 @@ export function mount(root, api, { record, kept, go }) {
   askEarlier();
   const stop = kept.watch(askEarlier);
   const loaded = [look(), plan.load(), offerOutlets()].map((part) => part.catch((error) => gone || box.show(error)));
-  Promise.all(loaded).then(() => gone || prefetchStation().catch(() => {})); // what fails the station asks for itself
+  Promise.all(loaded).then(() => (gone ? null : prefetchStation().catch(() => {}))); // what fails the station asks for itself
   return () => {
     gone = true;
     plan.unmount();
