@@ -5,7 +5,7 @@ Recordings are simulated ones of ours, after an initial pose, and freely moved h
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import product
+from itertools import permutations, product
 
 import numpy as np
 
@@ -125,18 +125,25 @@ class Result:
     found: Mapping[tuple[str, float], tuple[bool, float]]
 
 
-def exchanged(pairs: Sequence[tuple[str, ...]]) -> Callable[[Block], Block]:
-    """The readings of sensors in each other's place."""
+def exchange(pairs: Sequence[tuple[str, ...]], made: Made) -> Made:
+    """Sensors in each other's place, each mounted there as that place's own is: strips of a glove are alike, whereas a simulator may mount every sensor otherwise."""
+    places = [place for pair in pairs for place in permutations(pair)]
+    q_BS = {s: np.asarray(made.recording.mounting.get(s, quat.IDENTITY)) for p in pairs for s in p}
+    turn = {
+        (at, of): quat.matrix(quat.multiply(quat.conjugate(q_BS[at]), q_BS[of]))
+        for at, of in places
+    }
 
     def change(block: Block) -> Block:
         values, names = block.values.copy(), block.stream.sensors
-        for a, b in pairs:
-            if a in names and b in names:
-                i, j = names.index(a), names.index(b)
-                values[:, [i, j]] = values[:, [j, i]]
+        for at, of in places:
+            if at in names and of in names:
+                vectors = block.values[:, names.index(of)].reshape(len(block.t), -1, 3)
+                turned = vectors @ turn[at, of].T
+                values[:, names.index(at)] = turned.reshape(len(block.t), -1)
         return replace(block, values=values)
 
-    return change
+    return made.spoilt(change)
 
 
 def delayed(
@@ -217,25 +224,25 @@ def _next(finger: str) -> str:
 FAULTS: Mapping[str, tuple[tuple[float, ...], Fault, str, str]] = {  # sizes, how, code, unit
     "middle and distal exchanged": (
         (1,),
-        lambda m, _: m.spoilt(exchanged([CHAINS[m.finger][1:]])),
+        lambda m, _: exchange([CHAINS[m.finger][1:]], m),
         "sensors.",
         "",
     ),
     "proximal and middle exchanged": (
         (1,),
-        lambda m, _: m.spoilt(exchanged([CHAINS[m.finger][:2]])),
+        lambda m, _: exchange([CHAINS[m.finger][:2]], m),
         "sensors.",
         "",
     ),
     "distal ones of two fingers exchanged": (
         (1,),
-        lambda m, _: m.spoilt(exchanged([(CHAINS[m.finger][2], CHAINS[_next(m.finger)][2])])),
+        lambda m, _: exchange([(CHAINS[m.finger][2], CHAINS[_next(m.finger)][2])], m),
         "sensors.",
         "",
     ),
     "two fingers exchanged": (
         (1,),
-        lambda m, _: m.spoilt(exchanged(list(zip(CHAINS[m.finger], CHAINS[_next(m.finger)])))),
+        lambda m, _: exchange(list(zip(CHAINS[m.finger], CHAINS[_next(m.finger)])), m),
         "fingers.",
         "",
     ),

@@ -119,10 +119,6 @@ def _other_hand(made: Made) -> Made:
     return crosschecks.FAULTS["the other hand"][1](made, 1.0)
 
 
-def _exchange(pairs: Sequence[tuple[str, ...]], made: Made) -> Made:
-    return made.spoilt(crosschecks.exchanged(pairs))
-
-
 def _neighbour(finger: str, by: int) -> str:
     others = [f for f in FINGERS if f != "thumb"]
     return others[(others.index(finger) + by) % len(others)]
@@ -161,10 +157,22 @@ FAULTS: Mapping[str, tuple[Fault, bool]] = {  # and whether all of the hand is a
         lambda m, c: _gyroscopes(exchanged_axes(c.axis), m, [c.sensor], c.half),
         False,
     ),
-    "middle and distal exchanged": (lambda m, c: _exchange([CHAINS[c.finger][1:]], m), False),
-    "proximal and middle exchanged": (lambda m, c: _exchange([CHAINS[c.finger][:2]], m), False),
-    "fingers exchanged, neighbours": (lambda m, c: _exchange(_whole_fingers(c, 1), m), False),
-    "fingers exchanged, one between": (lambda m, c: _exchange(_whole_fingers(c, 2), m), False),
+    "middle and distal exchanged": (
+        lambda m, c: crosschecks.exchange([CHAINS[c.finger][1:]], m),
+        False,
+    ),
+    "proximal and middle exchanged": (
+        lambda m, c: crosschecks.exchange([CHAINS[c.finger][:2]], m),
+        False,
+    ),
+    "fingers exchanged, neighbours": (
+        lambda m, c: crosschecks.exchange(_whole_fingers(c, 1), m),
+        False,
+    ),
+    "fingers exchanged, one between": (
+        lambda m, c: crosschecks.exchange(_whole_fingers(c, 2), m),
+        False,
+    ),
     "sensor late 0.2 s": (lambda m, c: m.spoilt(crosschecks.delayed([c.sensor], 0.2)), False),
     "sensor late 0.1 s": (lambda m, c: m.spoilt(crosschecks.delayed([c.sensor], 0.1)), False),
     "sensor late 0.2 s, second half": (

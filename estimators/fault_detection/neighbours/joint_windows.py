@@ -93,10 +93,21 @@ class Windows:
         return np.asarray(np.sqrt((self.arm**2).mean(axis=(1, 2, 3)) * 3))
 
     @cached_property
+    def arms(self) -> Array:
+        """What arms of 1 m add (K, 3, 3), mean over instants of squares and products along the sensor's axes, 1/s^4."""
+        return squares(self.arm)
+
+    @cached_property
     def turn(self) -> Array:
         """How far (K,) rad the sensor turns about its mean orientation, root mean square."""
         off = self.turned - self.turned.mean(axis=1, keepdims=True)
         return np.asarray(np.sqrt((off**2).sum(axis=(2, 3)).mean(axis=1) / 2))
+
+
+def squares(arms: Array) -> Array:
+    """Mean over instants (K, 3, 3) of the products of what arms along each axis add (K, m, 3, 3), summed over components."""
+    flat = arms.reshape(len(arms), -1, 3)
+    return np.asarray(np.swapaxes(flat, 1, 2) @ flat / arms.shape[1])
 
 
 def by_vector(vectors: Array) -> Array:

@@ -11,7 +11,7 @@ from handscope.estimators.fault_detection.neighbours import check_neighbours as 
 from handscope.estimators.hand.anatomy import CHAINS, Hand
 from handscope.estimators.hand.geometry import HandGeometry, sized
 from handscope.estimators.recording_checks.check import suspicions_of
-from handscope.estimators.simulation.scenario import simulate
+from handscope.estimators.simulation.scenario import Simulated, simulate
 from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.validation.studies import crosschecks
 from tests.estimators.fault_detection.joint_recordings import (
@@ -123,15 +123,27 @@ def test_a_knock_in_a_single_second_is_no_fault() -> None:
     assert told(knocked(tapping, "index_distal", 10.2)) == []
 
 
-def test_two_exchanged_fingers_are_named() -> None:
-    blocks = intact()
-    for a, b in zip(CHAINS["index"], CHAINS["ring"]):
-        blocks = exchanged(
-            replace(freely_moved(), samples={b.stream.name: b for b in blocks}), a, b
-        )
-    (found,) = told(blocks)
+def with_exchanged_fingers(recording: Simulated, one: str, other: str) -> list[Block]:
+    for a, b in zip(CHAINS[one], CHAINS[other]):
+        blocks = exchanged(recording, a, b)
+        recording = replace(recording, samples={block.stream.name: block for block in blocks})
+    return blocks
+
+
+@pytest.mark.parametrize("pair", [("index", "ring"), ("index", "middle"), ("ring", "little")])
+def test_two_exchanged_fingers_are_named(pair: tuple[str, str]) -> None:
+    (found,) = told(with_exchanged_fingers(freely_moved(), *pair))
     assert found.message.code == "fingers.exchanged"
-    assert (found.message.values["first"], found.message.values["second"]) == ("index", "ring")
+    assert (found.message.values["first"], found.message.values["second"]) == pair
+
+
+def test_exchanged_fingers_are_found_in_a_hand_that_the_forearm_turns_while_they_rest() -> None:
+    turned = simulate(
+        ("pronation_supination",), "left", GEOMETRY, np.random.default_rng(8), SensorErrors()
+    )
+    assert told(list(turned.blocks())) == []
+    found = told(with_exchanged_fingers(turned, "middle", "ring"))
+    assert [s.message.code for s in found] == ["fingers.exchanged"]
 
 
 def test_a_slipped_sensor_is_named_with_its_turn_and_time() -> None:
