@@ -49,7 +49,7 @@ class Case:
 
     codes: tuple[str, ...]  # of what is found in it and not in the recording without the fault
     costs: Mapping[str, float]  # times the error without the fault, by method; NaN: refused
-    is_untested: bool = False  # whether the recording with the fault says that its movement cannot test the sensor, or the strip, for it
+    is_untested: bool = False  # whether the recording with the fault says that its movement cannot test the sensor, the strip, or the fingers, for it
 
     @property
     def is_costly(self) -> bool:
@@ -235,12 +235,14 @@ def measure(trial: Trial) -> dict[str, Case]:
 
 def _is_untested(made: Made, choice: Choice, name: str) -> bool:
     """Whether the recording says that its movement is too little to test what is at fault."""
-    if not name.startswith(OF_GYROSCOPES) and not name.startswith("strip late"):
+    if not name.startswith((*OF_GYROSCOPES, "strip late", "fingers")):
         return False
     declared = made.declared()
     untested = untested_of(declared, suspicions_of(declared))
     if name.startswith("strip late"):
         return choice.finger in untested.strips
+    if name.startswith("fingers"):
+        return {*_affected_fingers(choice.finger, name)} <= {*untested.fingers}
     return choice.sensor in untested.gyroscopes
 
 
@@ -349,9 +351,9 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, dict[str, Case]]]) ->
         "Faults that cost much and go without a word",
         (
             f"{len(results)} recordings of {len({t.movement for t, _ in results})} movements by validation/independent/simulator, an initial pose missed by 3 deg a freedom,"
-            f" either hand; {len(FAULTS)} faults in each. Costly: the finger's error by m2 or by ekf is more than {COSTLY} times that without the fault."
+            f" either hand; {len(FAULTS)} faults in each. Exchanged sensors are mounted as those whose places they take, as the strips of one glove are. Costly: the finger's error by m2 or by ekf is more than {COSTLY} times that without the fault."
             " A word: any code, of a check or a warning, that is not there without the fault; whether it names the right sensor or cause is not asked."
-            " Told as untested: the recording with the fault lists the sensor's gyroscope, or the strip, among those that its movement is too little to test. It would do so without the"
+            " Told as untested: the recording with the fault lists the sensor's gyroscope, the strip, or the fingers, among those that its movement is too little to test. It would do so without the"
             " fault, too, as information that lowers no grade, so that it does not count as a word about the fault.",
         ),
         (

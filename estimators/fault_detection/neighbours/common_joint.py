@@ -49,7 +49,6 @@ SCALE_OFF = 0.04  # m/s^2 an axis: scales of two accelerometers 0.5 % off each, 
 TURNS = 0.5  # 1/s^2, root mean square of what a window adds to an arm of 1 m along an axis: less is noise rather than movement
 ACC_BIAS = 0.1  # m/s^2, standard deviation of an accelerometer axis
 FLOOR = 0.015  # m/s^2, of an axis: noise of an accelerometer at 25 Hz and what a second of integrated rates leaves; size ours
-LEAST_SHOWN = 1e-3  # 1/s^2, of an arm of 1 m
 WEIGHTS = 4.0 ** np.arange(0, 14, 1.0)
 # of the unknowns; biases are told by what differs between windows, whose instants err alike, so that a window counts once for them
 PRIOR = FLOOR**2 * np.repeat([1 / EXPECTED**2, INSTANTS / ACC_BIAS**2], 6)
@@ -172,7 +171,7 @@ class Joint:
 
 def place_covariances(joints: Sequence[Joint]) -> Array:
     """Of the places (J, 6, 6) m^2 of joints of as many windows each: by what differs from window to window, and by skin and scale errors in all of them."""
-    of_first, of_second = systematic_errors(joints)
+    of_first, of_second = systematic_errors(joints, EXPECTED)
     return scattered(joints) + of_first @ np.swapaxes(of_first, 1, 2) + of_second
 
 
@@ -191,10 +190,17 @@ def scattered(joints: Sequence[Joint]) -> Array:
     return np.asarray((inverse @ meat @ inverse)[:, :6, :6])
 
 
-def systematic_errors(joints: Sequence[Joint]) -> tuple[Array, Array]:
+def systematic_errors(joints: Sequence[Joint], most: float) -> tuple[Array, Array]:
     """What skin and scale errors make of places in all windows: nothing shows it where a sensor is turned by the skin that its neighbour pulls.
 
     Segments that turn as one leave the place free to slide along both; an axis that they turn about leaves it free along the axis.
+
+    Parameters
+    ----------
+    joints : sequence of Joint
+        Of as many windows each.
+    most : float
+        Largest standard deviation of a place, m, where movement tells nothing.
 
     Returns
     -------
@@ -210,24 +216,24 @@ def systematic_errors(joints: Sequence[Joint]) -> tuple[Array, Array]:
     larger = np.maximum(own, other)
     against, between = (np.array(part) for part in zip(*(j.couple.related for j in joints)))
     first, second = (np.array([s.arms for s in of]) for of in sensors)
-    apart = _weighted(w, against) - ((BETWEEN * larger) ** 2 / 3)[:, None, None] * np.eye(3)
+    unlike = _weighted(w, against) - ((BETWEEN * larger) ** 2 / 3)[:, None, None] * np.eye(3)
     mean = aligned(_weighted(w * _trace(first), between))
-    slides = _error_factors(apart, larger)
+    slides = _error_factors(unlike, larger, most)
     of_first = np.zeros((len(joints), 6, 6))
     of_first[:, :3, :3] = slides
     of_first[:, 3:, :3] = np.swapaxes(mean, 1, 2) @ slides
-    of_first[:, :3, 3:] = _error_factors(_weighted(w, first), other)
+    of_first[:, :3, 3:] = _error_factors(_weighted(w, first), other, most)
     of_second = np.zeros((len(joints), 6, 6))
-    turned = _error_factors(_weighted(w, second), own)
+    turned = _error_factors(_weighted(w, second), own, most)
     of_second[:, 3:, 3:] = turned @ turned
     return of_first, of_second
 
 
-def _error_factors(squares: Array, pull: Array) -> Array:
+def _error_factors(squares: Array, pull: Array, most: float) -> Array:
     """Symmetric square roots (J, 3, 3) of places' covariances, m: an error of the acceleration that goes with the movement, over what arms add (J, 3, 3), 1/s^4."""
     size = np.hypot(ARM * np.hypot(SKIN * pull, LEAST_TURNING), ACC_SCALE)
     values, axes = np.linalg.eigh(squares)
-    sd = size[:, None] / np.sqrt(np.maximum(values, LEAST_SHOWN**2))
+    sd = size[:, None] / np.sqrt(np.maximum(values, 0.0) + (size[:, None] / most) ** 2)
     return np.asarray((axes * sd[:, None]) @ np.swapaxes(axes, 1, 2))
 
 
