@@ -27,7 +27,7 @@ from handscope.estimators.numerics.typing import Array
 
 # m, dorsal, distal, ulnar: how joints of people's palms differ from the declared, and skin; ours
 ROOT_SD = {"thumb": (0.012, 0.012, 0.012)} | dict.fromkeys(FINGERS[1:], (0.005, 0.005, 0.004))
-SEAT_SD = (0.006, 0.012, 0.004)  # m, the same of a sensor from the middle of its phalanx's back
+SENSOR_SD = (0.006, 0.012, 0.004)  # m, the same of a sensor from the middle of its phalanx's back
 OF_HAND_SENSOR = 0.5  # share of what joints of the hand with fingers err that the hand's sensor does, for all of them alike
 UNKNOWN = 10.0  # m, standard deviation of a knuckle's place along an axis of which the movement tells nothing
 HAND_SENSOR_SD = 0.05  # m, where on the hand its sensor sits
@@ -79,12 +79,12 @@ def roots(pairs: Pairs) -> Roots | None:
     found, covariance = np.array([j.place for j in joints]), _covariance(joints)
     at_hand = np.arange(6 * len(fingers)).reshape(-1, 6)[:, :3].ravel()
     at_finger = at_hand + 3
-    places = [pairs.expected("hand", c, ("hand", c)).centre[3:] for c in children]
+    declared = [pairs.expected("hand", c, ("hand", c)).centre[3:] for c in children]
     turned = _diagonal([quat.matrix(quat.conjugate(pairs.q_BS[c])) for c in children])
-    seat_covariance = turned @ np.diag(np.tile(SEAT_SD, len(children))) ** 2 @ turned.T
-    of_finger = covariance[np.ix_(at_finger, at_finger)] + seat_covariance
+    of_sensor = turned @ np.diag(np.tile(SENSOR_SD, len(children))) ** 2 @ turned.T
+    of_finger = covariance[np.ix_(at_finger, at_finger)] + of_sensor
     gain = np.linalg.solve(of_finger, covariance[at_finger][:, at_hand]).T
-    place = found[:, :3].ravel() + gain @ (np.concatenate(places) - found[:, 3:].ravel())
+    place = found[:, :3].ravel() + gain @ (np.concatenate(declared) - found[:, 3:].ravel())
     rest = covariance[np.ix_(at_hand, at_hand)] - gain @ covariance[np.ix_(at_finger, at_hand)]
     R = _diagonal([quat.matrix(pairs.q_BS["hand"])] * len(fingers))
     return Roots(fingers, (R @ place).reshape(-1, 3), R @ rest @ R.T)
