@@ -11,7 +11,7 @@ import numpy as np
 
 from handscope.estimators.alignment.initial_pose import nominal_mounting
 from handscope.estimators.data.findings import whole_streams
-from handscope.estimators.data.samples import Block, Recording
+from handscope.estimators.data.samples import GYR, Block, Recording
 from handscope.estimators.errors import InputError
 from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.neighbours import check_neighbours as neighbours
@@ -167,16 +167,22 @@ def delayed(
     return change
 
 
-def slipped(sensor: str, turn: Array, start: float) -> Callable[[Block], Block]:
-    """A sensor turned by `turn` (3,) rad in its own frame at `start` s, which no gyroscope measures."""
-    R = quat.matrix(quat.exp(turn))
+def slipped(
+    sensor: str, turn: Array, start: float, seconds: float = 0.0
+) -> Callable[[Block], Block]:
+    """A sensor that turns by `turn` (3,) rad in its own frame at `start` s: within no time, which no gyroscope measures, or within some seconds, which its own does."""
 
     def change(block: Block) -> Block:
         if sensor not in block.stream.sensors:
             return block
-        values, k, later = block.values.copy(), block.stream.sensors.index(sensor), block.t >= start
-        for q in range(values.shape[2] // 3):
-            values[later, k, 3 * q : 3 * q + 3] = values[later, k, 3 * q : 3 * q + 3] @ R
+        values, k = block.values.copy(), block.stream.sensors.index(sensor)
+        u = np.clip((block.t - start) / seconds, 0.0, 1.0) if seconds else 1.0 * (block.t >= start)
+        R = quat.matrix(quat.exp((u**2 * (3 - 2 * u))[:, None] * turn))
+        vectors = values[:, k].reshape(len(u), -1, 3) @ R
+        if seconds:
+            gyr = block.stream.axes(GYR).start // 3
+            vectors[:, gyr] += (6 * u * (1 - u) / seconds)[:, None] * turn
+        values[:, k] = vectors.reshape(len(u), -1)
         return replace(block, values=values)
 
     return change
@@ -188,12 +194,12 @@ def _half(made: Made) -> float:
     return 0.5 * (max([first, *poses]) + last)
 
 
-def slip(made: Made, degrees: float, sensor: str, start: float) -> Made:
-    """A recording in which a sensor turns about its joint's axis at `start` s."""
+def slip(made: Made, degrees: float, sensor: str, start: float, seconds: float = 0.0) -> Made:
+    """A recording in which a sensor turns about its joint's axis at `start` s, within some seconds."""
     q_BS = nominal_mounting([sensor], made.recording.mounting)[sensor]
     # the joint's, in the sensor
     axis = quat.rotate(quat.conjugate(q_BS), np.array([0.0, 0.0, 1.0]))
-    return made.spoilt(slipped(sensor, np.radians(degrees) * axis, start))
+    return made.spoilt(slipped(sensor, np.radians(degrees) * axis, start, seconds))
 
 
 def _slip(made: Made, degrees: float, phalanx: int) -> Made:

@@ -206,7 +206,11 @@ def _named(views: Views, odd: Sequence[tuple[str, str]]) -> list[Suspicion]:
     ]
     slipped = [
         s
-        for s in (slips.find_jump(pairs), slips.find(pairs))
+        for s in (
+            slips.find_jump(pairs),
+            slips.find_turning(pairs, others),
+            slips.find(pairs),
+        )
         if s is not None and s.p_value < FALSE_ALARM
     ][:1]
     return named + [

@@ -153,6 +153,32 @@ def test_a_slipped_sensor_is_named_with_its_turn_and_time() -> None:
     assert found.spans[0][0] == pytest.approx(12.3, abs=0.1)
 
 
+@pytest.mark.parametrize(("degrees", "sensor"), [(17.0, "middle_middle"), (17.0, "ring_proximal")])
+def test_a_sensor_that_its_gyroscope_saw_turn_on_its_segment_is_named(
+    degrees: float, sensor: str
+) -> None:
+    turn = np.array([0.0, 0.0, np.radians(degrees)])
+    turning = crosschecks.slipped(sensor, turn, 12.3, seconds=0.2)
+    (found,) = told([turning(b) for b in intact()])
+    assert (found.message.code, found.sensors) == ("sensor.slipped", (sensor,))
+    assert found.message.values["angle_deg"] == pytest.approx(degrees, rel=0.5)
+    assert found.spans[0][0] == pytest.approx(12.3, abs=0.1)
+    assert found.correction is None  # later readings are right in a frame that turned with them
+
+
+def test_gaps_of_a_sensor_are_no_disagreement() -> None:
+    fist = simulate(
+        ("rom_fist", "tapping"), "left", GEOMETRY, np.random.default_rng(8), SensorErrors()
+    )
+
+    def drop(block: Block) -> Block:
+        values = block.values.copy()
+        values[np.mod(block.t, 1.2) < 0.3, block.stream.sensors.index("index_middle")] = np.nan
+        return replace(block, values=values)
+
+    assert told([drop(b) for b in fist.blocks()]) == []
+
+
 def test_the_other_hand_is_told_by_its_bones() -> None:
     other = replace(
         GEOMETRY,
