@@ -25,7 +25,6 @@ from handscope.estimators.fault_detection.neighbours.joint_windows import (
     INSTANTS,
     Windows,
     by_vector,
-    squares,
 )
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
@@ -111,21 +110,31 @@ class Couple:
         R, _ = align(*self.sums, np.append(self.expected, np.zeros(6)))
         against, between = self._related(R, np.arange(len(R)))
         up, unknown = self._without_heading()
-        for angle in HEADINGS if len(unknown) else ():
-            other = self._related(quat.matrix(quat.exp(angle * up[unknown])) @ R[unknown], unknown)
-            less = np.flatnonzero(_trace(other[0]) < _trace(against[unknown]))
-            against[unknown[less]], between[unknown[less]] = other[0][less], other[1][less]
+        if len(unknown):
+            headings = quat.matrix(quat.exp(HEADINGS[:, None, None] * up[unknown])) @ R[unknown]
+            of_each, turned = self._related(headings, unknown)
+            k, best = np.arange(len(unknown)), _trace(of_each).argmin(axis=0)
+            less = _trace(of_each[best, k]) < _trace(against[unknown])
+            against[unknown[less]] = of_each[best, k][less]
+            between[unknown[less]] = turned[best, k][less]
         return against, between
 
     def _related(self, R: Array, windows: NDArray[np.intp]) -> tuple[Array, Array]:
-        """The same of some windows, with the rotation (k, 3, 3) of each that takes vectors of the second's frame to the first's where the window begins."""
+        """The same of some windows, with rotations (..., k, 3, 3) that take vectors of the second's frame to the first's where the window begins."""
         first, second = self.first.turned[windows], self.second.turned[windows]
         half = first.shape[1] // 2
         between = np.swapaxes(first[:, half], 1, 2) @ R @ second[:, half]
-        off = self.first.arm[windows] - (
-            R[:, None] @ self.second.arm[windows] @ np.swapaxes(between, 1, 2)[:, None]
-        )
-        return squares(off), between
+        back = np.swapaxes(between, -1, -2)
+        both = np.einsum("...kin,kianb->...kab", R, self._products[windows]) @ back
+        squares = self.first.arms[windows] + between @ self.second.arms[windows] @ back
+        return squares - both - np.swapaxes(both, -1, -2), between
+
+    @cached_property
+    def _products(self) -> Array:
+        """Mean over instants (K, 3, 3, 3, 3) of the products of what arms add by the first sensor (component, axis) and by the second."""
+        first, second = (s.arm.reshape(*s.arm.shape[:2], 9) for s in (self.first, self.second))
+        mean = np.swapaxes(first, 1, 2) @ second / first.shape[1]
+        return np.asarray(mean.reshape(-1, 3, 3, 3, 3))
 
     def _without_heading(self) -> tuple[Array, NDArray[np.intp]]:
         """Direction (K, 3) of the mean acceleration of the expected place by the first sensor, and windows in which it changes so little that the rotation about it is not known."""

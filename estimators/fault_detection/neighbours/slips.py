@@ -74,7 +74,7 @@ def find_jump(pairs: Pairs) -> Slip | None:
     tests = 2 * len(pairs.series.t) / joint_windows.RATE * len(pairs.series.sensors)
     found = [
         _jumped(each, sensor, tests)
-        for each in (pairs, pairs.later(0.5 * joint_windows.LENGTH))
+        for each in (pairs, pairs.later)
         for sensor in pairs.series.sensors
     ]
     sure = [
@@ -133,7 +133,7 @@ def find_turning(pairs: Pairs, others: Others) -> Slip | None:
     """A turn within half a second that the sensor's own gyroscope saw: in one window both joints leave what a segment's turn would accelerate."""
     odd = [
         (*_oddest(each, others, sensor), each, sensor)
-        for each in (pairs, pairs.later(0.5 * joint_windows.LENGTH))
+        for each in (pairs, pairs.later)
         for sensor in each.series.sensors
         if len(_joints_of(each, sensor)) > 1
     ]
