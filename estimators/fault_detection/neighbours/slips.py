@@ -35,6 +35,7 @@ LENGTHS = (0.15, 0.35)  # s, that a turn takes, about
 FINER = (0.8, 0.9, 1.0, 1.1, 1.25)  # of such a length, twice
 INSTANT = joint_windows.AVERAGED / joint_windows.RATE  # s
 DIFFERENCE = 1e-3  # rad, for derivatives
+SURE = 1e-7  # p-value of a turn that a gyroscope saw: what fast flicks of fingers leave is no white noise, of 1,258 intact recordings the smallest p-value was 5e-6
 OF_COURSE = 5  # numbers that tell a turn's course: its vector, begin and length
 
 
@@ -142,9 +143,9 @@ def find_turning(pairs: Pairs, others: Others) -> Slip | None:
         return None
     tests = len(odd) * len(pairs.windows(sensor).t) * len(LENGTHS) * joint_windows.INSTANTS
     turn, begin, p = _turning(each, others, sensor, k, tests)
-    if not LEAST < np.linalg.norm(turn) < MOST:
+    if p > SURE or not LEAST < np.linalg.norm(turn) < MOST:
         return None
-    return Slip(sensor, turn, begin, min(1.0, p), True)
+    return Slip(sensor, turn, begin, p, True)
 
 
 def _joints_of(pairs: Pairs, sensor: str) -> list[tuple[str, str]]:
