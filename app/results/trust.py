@@ -139,7 +139,8 @@ def _untested_words(untested: Mapping[str, Sequence[str]], language: Language) -
         if set(chain) <= set(sensors):
             sensors[sensors.index(chain[0])] = finger
             sensors = [s for s in sensors if s not in chain]
-    for what, parts in (("gyroscopes", sensors), ("strips", untested.get("strips", ()))):
+    others = ((what, untested.get(what, ())) for what in ("strips", "fingers"))
+    for what, parts in (("gyroscopes", sensors), *others):
         if parts:
             named_parts = language.several(map(language.segment, parts))
             yield language.say(f"trust.untested_{what}", parts=named_parts)

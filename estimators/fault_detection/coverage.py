@@ -1,7 +1,7 @@
 """Which faults the movement of a recording could not have shown: where nothing is found, and nothing could be.
 
 In      samples, what is declared of them, calibrations
-Out     gyroscopes that nothing compares with anything, and strips whose delay nothing would show
+Out     gyroscopes that nothing compares with anything, strips whose delay nothing would show, and fingers that could be on each other's place
 Source  every gain of `GAINS`, and delay of `LATE`, is put into the sensor: the tests of the checks have to find it, as sure as they have to be of a fault. So a sensor that has
         such a fault already does not count as tested: with the opposite one it reads what is right, and nothing is found
 Limits  says what a fault of that size would have shown; smaller ones need more movement
@@ -17,6 +17,7 @@ from handscope.estimators.fault_detection.finding import Untested
 from handscope.estimators.fault_detection.neighbours import (
     delays,
     gains,
+    joint_places,
     unexplained,
     vibration,
 )
@@ -32,6 +33,7 @@ from handscope.estimators.fault_detection.single_sensors.gravity_fit import info
 from handscope.estimators.fault_detection.single_sensors.gravity_windows import windows_of
 from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS
 from handscope.estimators.hand.anatomy import CHAINS
+from handscope.estimators.hand.geometry import HandGeometry
 
 GAINS, LATE = (1.3, 1 / 1.3), (0.2, -0.2)  # s
 
@@ -43,7 +45,7 @@ def untested(
     named: Collection[str] = (),
     compared: Compared | None = None,
 ) -> Untested:
-    """Gyroscopes and strips of which the movement tells nothing.
+    """Gyroscopes, strips and fingers of which the movement tells nothing.
 
     Parameters
     ----------
@@ -75,7 +77,20 @@ def untested(
     return Untested(
         tuple(sensors),
         tuple(f for f in strips if f not in together and not _delay_shows(views, f)),
+        _exchangeable(views, declared.geometry, [f for f in strips if f != "thumb"]),
     )
+
+
+def _exchangeable(
+    views: Views | None, geometry: HandGeometry, fingers: Sequence[str]
+) -> tuple[str, ...]:
+    """Which of some long fingers could be on each other's place unseen."""
+    if len(fingers) < 2:
+        return ()
+    seen = joint_places.roots(views.pairs) if views and views.pairs.explains else None
+    if seen is None:
+        return tuple(fingers)
+    return tuple(f for f in joint_places.untested_fingers(seen, geometry) if f in fingers)
 
 
 def _shown_by_gravity(cells: Cells) -> dict[str, dict[float, bool]]:

@@ -12,7 +12,8 @@ class Untested:
     """What the checks could not have found, for want of movement."""
 
     gyroscopes: tuple[str, ...] = ()  # tracked points
-    strips: tuple[str, ...] = ()  # fingers
+    strips: tuple[str, ...] = ()  # fingers, for a delay
+    fingers: tuple[str, ...] = ()  # for an exchange of two of them
 
     @property
     def messages(self) -> tuple[Message, ...]:
@@ -20,6 +21,7 @@ class Untested:
         parts = (
             ("checks.untested_gyroscopes", "sensors", self.gyroscopes),
             ("checks.untested_strips", "fingers", self.strips),
+            ("checks.untested_fingers", "fingers", self.fingers),
         )
         return tuple(
             Message(code, {name: ", ".join(found)}, "info") for code, name, found in parts if found

@@ -38,6 +38,11 @@ EXPLAINS = {  # what a cause of the file looks like at single sensors, by the ki
     "file.accelerometer_negated": "turned",
 }
 BY_TURNED = {"sensor.slipped", "sensors.disagree"}  # what a sensor that turned explains
+OF_TIMES = {
+    "file.rate",
+    "file.lost_rows",
+    "file.frozen",
+}  # after which every sensor seems to have turned
 IN_OTHER_UNIT = "sensor.accelerometer_unit"
 EDGE = 0.1  # s: checks look at windows, so a fault begins a little earlier and ends a little later than they say
 
@@ -47,17 +52,17 @@ def check_processed(processed: Processed, recording: Recording) -> Processed:
 
     What the method noticed itself of a turned sensor stands for what the checks say of it. Flags are written into the trajectory in place; standard deviations are widened (data/deviations.py).
     """
-    noticed = processed.suspicions
-    turned = {sensor for s in noticed for sensor in s.sensors}
+    turned = {sensor for s in processed.suspicions for sensor in s.sensors}
     compared = Compared(whole_of(recording), recording, processed.calibrations)
     suspicions = [
         s
         for s in suspicions_of(recording, processed.calibrations, compared)
         if not (s.message.code in BY_TURNED and turned & {*s.sensors})
     ]
-    processed = _without_explained(processed, suspicions)
     findings = as_findings(suspicions)
-    flag_segments(processed.trajectory, [*as_findings(noticed), *findings])
+    flag_segments(processed.trajectory, [*as_findings(processed.suspicions), *findings])
+    processed = _without_explained(processed, suspicions)
+    noticed = processed.suspicions
     trajectory = processed.trajectory
     if trajectory.angles_sd is not None:
         trajectory = replace(
@@ -75,11 +80,14 @@ def check_processed(processed: Processed, recording: Recording) -> Processed:
 
 
 def _without_explained(processed: Processed, suspicions: Sequence[Suspicion]) -> Processed:
-    """Without what is said of each sensor where one cause of the file or a wrong unit explains it; flags stay as they are."""
-    kinds = {EXPLAINS.get(s.message.code) for s in suspicions}
+    """Without what is said of each sensor where one cause of the file or a wrong unit explains it, as of sensors that seem to turn where times are wrong; flags stay as they are."""
+    codes = {s.message.code for s in suspicions}
+    kinds = {EXPLAINS.get(code) for code in codes}
+    effects = processed.suspicions if codes & OF_TIMES else ()
     explained = [f for f in processed.findings if f.kind in kinds]
     units = {n for s in suspicions if s.message.code == IN_OTHER_UNIT for n in s.sensors}
-    messages = {f.message for f in explained} | {
+    messages = {f.message for f in explained} | {sentence(s.message) for s in effects}
+    messages |= {
         w
         for w in processed.warnings
         for m in messages_of(w)
@@ -89,6 +97,7 @@ def _without_explained(processed: Processed, suspicions: Sequence[Suspicion]) ->
         processed,
         findings=tuple(f for f in processed.findings if f not in explained),
         warnings=tuple(w for w in processed.warnings if w not in messages),
+        suspicions=() if effects else processed.suspicions,
     )
 
 

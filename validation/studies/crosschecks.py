@@ -5,13 +5,13 @@ Recordings are simulated ones of ours, after an initial pose, and freely moved h
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import product
+from itertools import permutations, product
 
 import numpy as np
 
 from handscope.estimators.alignment.initial_pose import nominal_mounting
 from handscope.estimators.data.findings import whole_streams
-from handscope.estimators.data.samples import Block, Recording
+from handscope.estimators.data.samples import GYR, Block, Recording
 from handscope.estimators.errors import InputError
 from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.neighbours import check_neighbours as neighbours
@@ -125,18 +125,25 @@ class Result:
     found: Mapping[tuple[str, float], tuple[bool, float]]
 
 
-def exchanged(pairs: Sequence[tuple[str, ...]]) -> Callable[[Block], Block]:
-    """The readings of sensors in each other's place."""
+def exchange(pairs: Sequence[tuple[str, ...]], made: Made) -> Made:
+    """Sensors in each other's place, each mounted there as that place's own is: strips of a glove are alike, whereas a simulator may mount every sensor otherwise."""
+    places = [place for pair in pairs for place in permutations(pair)]
+    q_BS = {s: np.asarray(made.recording.mounting.get(s, quat.IDENTITY)) for p in pairs for s in p}
+    turn = {
+        (at, of): quat.matrix(quat.multiply(quat.conjugate(q_BS[at]), q_BS[of]))
+        for at, of in places
+    }
 
     def change(block: Block) -> Block:
         values, names = block.values.copy(), block.stream.sensors
-        for a, b in pairs:
-            if a in names and b in names:
-                i, j = names.index(a), names.index(b)
-                values[:, [i, j]] = values[:, [j, i]]
+        for at, of in places:
+            if at in names and of in names:
+                vectors = block.values[:, names.index(of)].reshape(len(block.t), -1, 3)
+                turned = vectors @ turn[at, of].T
+                values[:, names.index(at)] = turned.reshape(len(block.t), -1)
         return replace(block, values=values)
 
-    return change
+    return made.spoilt(change)
 
 
 def delayed(
@@ -160,16 +167,22 @@ def delayed(
     return change
 
 
-def slipped(sensor: str, turn: Array, start: float) -> Callable[[Block], Block]:
-    """A sensor turned by `turn` (3,) rad in its own frame at `start` s, which no gyroscope measures."""
-    R = quat.matrix(quat.exp(turn))
+def slipped(
+    sensor: str, turn: Array, start: float, seconds: float = 0.0
+) -> Callable[[Block], Block]:
+    """A sensor that turns by `turn` (3,) rad in its own frame at `start` s: within no time, which no gyroscope measures, or within some seconds, which its own does."""
 
     def change(block: Block) -> Block:
         if sensor not in block.stream.sensors:
             return block
-        values, k, later = block.values.copy(), block.stream.sensors.index(sensor), block.t >= start
-        for q in range(values.shape[2] // 3):
-            values[later, k, 3 * q : 3 * q + 3] = values[later, k, 3 * q : 3 * q + 3] @ R
+        values, k = block.values.copy(), block.stream.sensors.index(sensor)
+        u = np.clip((block.t - start) / seconds, 0.0, 1.0) if seconds else 1.0 * (block.t >= start)
+        R = quat.matrix(quat.exp((u**2 * (3 - 2 * u))[:, None] * turn))
+        vectors = values[:, k].reshape(len(u), -1, 3) @ R
+        if seconds:
+            gyr = block.stream.axes(GYR).start // 3
+            vectors[:, gyr] += (6 * u * (1 - u) / seconds)[:, None] * turn
+        values[:, k] = vectors.reshape(len(u), -1)
         return replace(block, values=values)
 
     return change
@@ -181,12 +194,12 @@ def _half(made: Made) -> float:
     return 0.5 * (max([first, *poses]) + last)
 
 
-def slip(made: Made, degrees: float, sensor: str, start: float) -> Made:
-    """A recording in which a sensor turns about its joint's axis at `start` s."""
+def slip(made: Made, degrees: float, sensor: str, start: float, seconds: float = 0.0) -> Made:
+    """A recording in which a sensor turns about its joint's axis at `start` s, within some seconds."""
     q_BS = nominal_mounting([sensor], made.recording.mounting)[sensor]
     # the joint's, in the sensor
     axis = quat.rotate(quat.conjugate(q_BS), np.array([0.0, 0.0, 1.0]))
-    return made.spoilt(slipped(sensor, np.radians(degrees) * axis, start))
+    return made.spoilt(slipped(sensor, np.radians(degrees) * axis, start, seconds))
 
 
 def _slip(made: Made, degrees: float, phalanx: int) -> Made:
@@ -217,25 +230,25 @@ def _next(finger: str) -> str:
 FAULTS: Mapping[str, tuple[tuple[float, ...], Fault, str, str]] = {  # sizes, how, code, unit
     "middle and distal exchanged": (
         (1,),
-        lambda m, _: m.spoilt(exchanged([CHAINS[m.finger][1:]])),
+        lambda m, _: exchange([CHAINS[m.finger][1:]], m),
         "sensors.",
         "",
     ),
     "proximal and middle exchanged": (
         (1,),
-        lambda m, _: m.spoilt(exchanged([CHAINS[m.finger][:2]])),
+        lambda m, _: exchange([CHAINS[m.finger][:2]], m),
         "sensors.",
         "",
     ),
     "distal ones of two fingers exchanged": (
         (1,),
-        lambda m, _: m.spoilt(exchanged([(CHAINS[m.finger][2], CHAINS[_next(m.finger)][2])])),
+        lambda m, _: exchange([(CHAINS[m.finger][2], CHAINS[_next(m.finger)][2])], m),
         "sensors.",
         "",
     ),
     "two fingers exchanged": (
         (1,),
-        lambda m, _: m.spoilt(exchanged(list(zip(CHAINS[m.finger], CHAINS[_next(m.finger)])))),
+        lambda m, _: exchange(list(zip(CHAINS[m.finger], CHAINS[_next(m.finger)])), m),
         "fingers.",
         "",
     ),

@@ -206,7 +206,11 @@ def _named(views: Views, odd: Sequence[tuple[str, str]]) -> list[Suspicion]:
     ]
     slipped = [
         s
-        for s in (slips.find_jump(pairs), slips.find(pairs))
+        for s in (
+            slips.find_jump(pairs),
+            slips.find_turning(pairs, others),
+            slips.find(pairs),
+        )
         if s is not None and s.p_value < FALSE_ALARM
     ][:1]
     return named + [
@@ -338,9 +342,11 @@ def _behind_the_wrist(geometry: HandGeometry) -> list[str]:
 
 
 def _verdict(pairs: Pairs, geometry: HandGeometry) -> tuple[Verdict | None, list[Bone]]:
-    along = joint_places.bones(pairs, geometry)
-    verdict = joint_places.judge(joint_places.roots(pairs), along, geometry)
-    return verdict if verdict is not None and verdict.p_value < OF_HAND else None, along
+    along, seen = joint_places.bones(pairs, geometry), joint_places.roots(pairs)
+    verdict = joint_places.judge(seen, along, geometry)
+    if verdict is not None and verdict.p_value < OF_HAND:
+        return verdict, along
+    return (joint_places.exchanged_fingers(seen, geometry) if seen else None), along
 
 
 def _limb(sensor: str) -> str:

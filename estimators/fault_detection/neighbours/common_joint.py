@@ -104,27 +104,37 @@ class Couple:
         return np.asarray(align(*self.sums, np.zeros(UNKNOWNS))[1] / self.count)
 
     @cached_property
-    def against(self) -> Array:
-        """Mean square (K,) of what an arm of 1 m adds by the first sensor and not by the second, 1/s^4; the least of all headings between them where their forces tell none."""
+    def related(self) -> tuple[Array, Array]:
+        """What an arm of 1 m adds by the first sensor and not by the second: sums (K, 3, 3) of squares and products of the arms along the first's axes, mean over instants, 1/s^4; and the
+        rotation (K, 3, 3) first <- second. Where their forces tell no heading between them that of all headings in which the arms add least."""
         R, _ = align(*self.sums, np.append(self.expected, np.zeros(6)))
-        every = self._against(R, np.arange(len(R)))
+        against, between = self._related(R, np.arange(len(R)))
         up, unknown = self._without_heading()
-        turned = [
-            self._against(quat.matrix(quat.exp(angle * up[unknown])) @ R[unknown], unknown)
-            for angle in HEADINGS
-        ]
-        every[unknown] = np.array(turned).min(axis=0)
-        return every
+        if len(unknown):
+            headings = quat.matrix(quat.exp(HEADINGS[:, None, None] * up[unknown])) @ R[unknown]
+            of_each, turned = self._related(headings, unknown)
+            k, best = np.arange(len(unknown)), _trace(of_each).argmin(axis=0)
+            less = _trace(of_each[best, k]) < _trace(against[unknown])
+            against[unknown[less]] = of_each[best, k][less]
+            between[unknown[less]] = turned[best, k][less]
+        return against, between
 
-    def _against(self, R: Array, windows: NDArray[np.intp]) -> Array:
-        """That of some windows, with the rotation (k, 3, 3) of each that takes vectors of the second's frame to the first's."""
+    def _related(self, R: Array, windows: NDArray[np.intp]) -> tuple[Array, Array]:
+        """The same of some windows, with rotations (..., k, 3, 3) that take vectors of the second's frame to the first's where the window begins."""
         first, second = self.first.turned[windows], self.second.turned[windows]
         half = first.shape[1] // 2
         between = np.swapaxes(first[:, half], 1, 2) @ R @ second[:, half]
-        off = self.first.arm[windows] - (
-            R[:, None] @ self.second.arm[windows] @ np.swapaxes(between, 1, 2)[:, None]
-        )
-        return np.asarray((off**2).mean(axis=(1, 2, 3)))
+        back = np.swapaxes(between, -1, -2)
+        both = np.einsum("...kin,kianb->...kab", R, self._products[windows]) @ back
+        squares = self.first.arms[windows] + between @ self.second.arms[windows] @ back
+        return squares - both - np.swapaxes(both, -1, -2), between
+
+    @cached_property
+    def _products(self) -> Array:
+        """Mean over instants (K, 3, 3, 3, 3) of the products of what arms add by the first sensor (component, axis) and by the second."""
+        first, second = (s.arm.reshape(*s.arm.shape[:2], 9) for s in (self.first, self.second))
+        mean = np.swapaxes(first, 1, 2) @ second / first.shape[1]
+        return np.asarray(mean.reshape(-1, 3, 3, 3, 3))
 
     def _without_heading(self) -> tuple[Array, NDArray[np.intp]]:
         """Direction (K, 3) of the mean acceleration of the expected place by the first sensor, and windows in which it changes so little that the rotation about it is not known."""
@@ -170,11 +180,12 @@ class Joint:
 
 def place_covariances(joints: Sequence[Joint]) -> Array:
     """Of the places (J, 6, 6) m^2 of joints of as many windows each: by what differs from window to window, and by skin and scale errors in all of them."""
-    return _scattered(joints) + _systematic(joints)
+    of_first, of_second = systematic_errors(joints, EXPECTED)
+    return scattered(joints) + of_first @ np.swapaxes(of_first, 1, 2) + of_second
 
 
-def _scattered(joints: Sequence[Joint]) -> Array:
-    """By what differs from window to window: sandwich estimate, windows are independent, samples within a window are not (Liang & Zeger 1986,
+def scattered(joints: Sequence[Joint]) -> Array:
+    """Of the places (J, 6, 6) m^2, by what differs from window to window: sandwich estimate, windows are independent, samples within a window are not (Liang & Zeger 1986,
     Biometrika 73:13)."""
     spread = np.array([(EXPECTED / j.region.sd) ** 2 for j in joints])
     known = np.zeros((len(joints), UNKNOWNS, UNKNOWNS))
@@ -188,23 +199,60 @@ def _scattered(joints: Sequence[Joint]) -> Array:
     return np.asarray((inverse @ meat @ inverse)[:, :6, :6])
 
 
-def _systematic(joints: Sequence[Joint]) -> Array:
-    """By what skin and scale errors make of a place in all windows: nothing shows it where a sensor is turned by the skin that its neighbour pulls, or
-    turns with its neighbour."""
+def systematic_errors(joints: Sequence[Joint], most: float) -> tuple[Array, Array]:
+    """What skin and scale errors make of places in all windows: nothing shows it where a sensor is turned by the skin that its neighbour pulls.
+
+    Segments that turn as one leave the place free to slide along both; an axis that they turn about leaves it free along the axis.
+
+    Parameters
+    ----------
+    joints : sequence of Joint
+        Of as many windows each.
+    most : float
+        Largest standard deviation of a place, m, where movement tells nothing.
+
+    Returns
+    -------
+    of_first : ndarray, shape (J, 6, 6)
+        Factors, m, by what the first sensors do wrong, of what is the same in both sensors' frames (slides) and of what is not.
+    of_second : ndarray, shape (J, 6, 6)
+        Covariances, m^2, of the places in the second sensors' frames by what these do wrong.
+    """
     use = np.array([j.use for j in joints])
-    total = use.sum(axis=1)
-    w = use / np.maximum(total, 1e-12)[:, None]
-    square = (w * [j.couple.against for j in joints]).sum(axis=1)
-    own = np.sqrt((w * [j.couple.first.turning**2 for j in joints]).sum(axis=1))
-    other = np.sqrt((w * [j.couple.second.turning**2 for j in joints]).sum(axis=1))
+    w = use / np.maximum(use.sum(axis=1), 1e-12)[:, None]
+    sensors = [[getattr(j.couple, each) for j in joints] for each in ("first", "second")]
+    own, other = (np.sqrt((w * [s.turning**2 for s in of]).sum(axis=1)) for of in sensors)
     larger = np.maximum(own, other)
-    against = np.sqrt(np.maximum(3 * square - (BETWEEN * larger) ** 2, 0.0))
-    sd = [
-        np.hypot(ARM * np.hypot(SKIN * pull, LEAST_TURNING), ACC_SCALE) / np.maximum(shown, 1e-3)
-        for shown, pull in ((own, other), (other, own), (against, larger))
-    ]
-    variance = np.where(total > 0, np.maximum(sd[:2], sd[2]) ** 2, EXPECTED**2)
-    return np.repeat(variance.T, 3, axis=1)[:, :, None] * np.eye(6)
+    against, between = (np.array(part) for part in zip(*(j.couple.related for j in joints)))
+    first, second = (np.array([s.arms for s in of]) for of in sensors)
+    unlike = _weighted(w, against) - ((BETWEEN * larger) ** 2 / 3)[:, None, None] * np.eye(3)
+    mean = aligned(_weighted(w * _trace(first), between))
+    slides = _error_factors(unlike, larger, most)
+    of_first = np.zeros((len(joints), 6, 6))
+    of_first[:, :3, :3] = slides
+    of_first[:, 3:, :3] = np.swapaxes(mean, 1, 2) @ slides
+    of_first[:, :3, 3:] = _error_factors(_weighted(w, first), other, most)
+    of_second = np.zeros((len(joints), 6, 6))
+    turned = _error_factors(_weighted(w, second), own, most)
+    of_second[:, 3:, 3:] = turned @ turned
+    return of_first, of_second
+
+
+def _error_factors(squares: Array, pull: Array, most: float) -> Array:
+    """Symmetric square roots (J, 3, 3) of places' covariances, m: an error of the acceleration that goes with the movement, over what arms add (J, 3, 3), 1/s^4."""
+    size = np.hypot(ARM * np.hypot(SKIN * pull, LEAST_TURNING), ACC_SCALE)
+    values, axes = np.linalg.eigh(squares)
+    sd = size[:, None] / np.sqrt(np.maximum(values, 0.0) + (size[:, None] / most) ** 2)
+    return np.asarray((axes * sd[:, None]) @ np.swapaxes(axes, 1, 2))
+
+
+def _trace(matrices: Array) -> Array:
+    return np.asarray(np.trace(matrices, axis1=-2, axis2=-1))
+
+
+def _weighted(w: Array, matrices: Array) -> Array:
+    """Means (J, 3, 3) over windows (J, K)."""
+    return np.asarray((w[:, :, None, None] * matrices).sum(axis=1))
 
 
 def fit(couple: Couple, use: Array, region: Region | None = None) -> Joint:

@@ -2,31 +2,41 @@
 
 In      pairs of sensors (sensor_pairs.py), sensor-to-segment rotations, the declared geometry
 Out     what the places say against the declaration, with the probability of such places if it were right
-Source  ours; tests of one simple hypothesis against another: Neyman & Pearson 1933, Phil Trans A 231:289
+Source  ours; tests of one simple hypothesis against another: Neyman & Pearson 1933, Phil Trans A 231:289; sizes of errors that are known up to a factor: Student 1908, Biometrika 6:1
 Limits  the hand has to turn for the knuckles to show, a finger to bend briskly for its bones to; where they do not, standard deviations are large and nothing is said
 """
 
 import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from handscope.estimators.fault_detection.neighbours.common_joint import place_covariances
+from handscope.estimators.fault_detection.neighbours.common_joint import (
+    Joint,
+    place_covariances,
+    scattered,
+    systematic_errors,
+)
 from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, side_sign
 from handscope.estimators.hand.geometry import HandGeometry, root_joint
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.tail_probabilities import normal_sf
+from handscope.estimators.numerics.tail_probabilities import normal_sf, student_sf
 from handscope.estimators.numerics.typing import Array
 
-ROOT_SD = {"thumb": 0.012} | dict.fromkeys(
-    FINGERS[1:], 0.005
-)  # m, each axis: how joints of people's palms differ from the declared, and skin; ours
+# m, dorsal, distal, ulnar: how joints of people's palms differ from the declared, and skin; ours
+ROOT_SD = {"thumb": (0.012, 0.012, 0.012)} | dict.fromkeys(FINGERS[1:], (0.005, 0.005, 0.004))
+SENSOR_SD = (0.006, 0.012, 0.004)  # m, the same of a sensor from the middle of its phalanx's back
+OF_HAND_SENSOR = 0.5  # share of what joints of the hand with fingers err that the hand's sensor does, for all of them alike
+UNKNOWN = 10.0  # m, standard deviation of a knuckle's place along an axis of which the movement tells nothing
 HAND_SENSOR_SD = 0.05  # m, where on the hand its sensor sits
 BONE_SD = 0.25  # of the length: skin that slides, seats that are tilted
 LENGTH_SD, LENGTH_OFF = 0.08, 0.15  # of a declared length; less is not worth a question
 LENGTH_KNOWN = 0.2  # of a length, standard deviation from which on the movement does not tell it
 FITS = 0.01  # probability from which on a hypothesis is compatible with what was seen
+FREE = 4  # of the knuckles' coordinates: where the hand's sensor sits, and the difference that an exchange makes
+FALSE_ALARM = 1e-3  # of all exchanges of two fingers in one recording
 
 
 @dataclass(frozen=True)
@@ -55,22 +65,102 @@ class Roots:
 
     fingers: tuple[str, ...]
     place: Array  # (F, 3) m
-    covariance: Array  # (F, 3, 3) m^2
+    covariance: Array  # (3 F, 3 F) m^2, of one finger after the other
 
 
 def roots(pairs: Pairs) -> Roots | None:
-    """Of the fingers whose proximal sensor, like the hand's, has samples; None of fewer than two."""
+    """Of the fingers whose proximal sensor, like the hand's, has samples; None of fewer than two. Where a finger turns with the hand, by where on its phalanx its sensor sits."""
     names = pairs.series.sensors
     fingers = tuple(f for f in FINGERS if CHAINS[f][0] in names) if "hand" in names else ()
     if len(fingers) < 2:
         return None
-    R = quat.matrix(pairs.q_BS["hand"])
-    joints = [pairs.joint("hand", CHAINS[f][0]) for f in fingers]
-    return Roots(
-        fingers,
-        np.array([R @ j.place[:3] for j in joints]),
-        R @ place_covariances(joints)[:, :3, :3] @ R.T,
-    )
+    children = [CHAINS[f][0] for f in fingers]
+    joints = [pairs.joint("hand", c) for c in children]
+    found, covariance = np.array([j.place for j in joints]), _covariance(joints)
+    at_hand = np.arange(6 * len(fingers)).reshape(-1, 6)[:, :3].ravel()
+    at_finger = at_hand + 3
+    declared = [pairs.expected("hand", c, ("hand", c)).centre[3:] for c in children]
+    turned = _diagonal([quat.matrix(quat.conjugate(pairs.q_BS[c])) for c in children])
+    of_sensor = turned @ np.diag(np.tile(SENSOR_SD, len(children))) ** 2 @ turned.T
+    of_finger = covariance[np.ix_(at_finger, at_finger)] + of_sensor
+    gain = np.linalg.solve(of_finger, covariance[at_finger][:, at_hand]).T
+    place = found[:, :3].ravel() + gain @ (np.concatenate(declared) - found[:, 3:].ravel())
+    rest = covariance[np.ix_(at_hand, at_hand)] - gain @ covariance[np.ix_(at_finger, at_hand)]
+    R = _diagonal([quat.matrix(pairs.q_BS["hand"])] * len(fingers))
+    return Roots(fingers, (R @ place).reshape(-1, 3), R @ rest @ R.T)
+
+
+def exchanged_fingers(seen: Roots, geometry: HandGeometry) -> Verdict | None:
+    """Two long fingers that are probably on each other's place.
+
+    Returns
+    -------
+    Verdict or None
+        `fingers`, where the knuckles are not as declared, and are as they would be after the exchange.
+    """
+    tests = _exchange_tests(seen, geometry)
+    found = [t for t in tests if t.p_value < FALSE_ALARM and t.fits > FITS]
+    if not found:
+        return None
+    best = min(found, key=lambda t: t.p_value)
+    return Verdict("fingers", best.fingers, best.p_value, len(found) == 1)
+
+
+def untested_fingers(seen: Roots, geometry: HandGeometry) -> tuple[str, ...]:
+    """Long fingers of which two could be on each other's place without being found."""
+    tests = _exchange_tests(seen, geometry)
+    unseen = {f for t in tests if t.p_value_of_it >= FALSE_ALARM for f in t.fingers}
+    return tuple(f for f in FINGERS if f in unseen)
+
+
+@dataclass(frozen=True)
+class _ExchangeTest:
+    """Two fingers, asked whether each is on the other's place: probabilities by Student's distribution."""
+
+    fingers: tuple[str, str]
+    p_value: float  # that the knuckles of fingers that are not exchanged lie so
+    fits: float  # that those of exchanged ones do
+    p_value_of_it: float  # the first, if they were where the exchange has them
+
+
+def _exchange_tests(seen: Roots, geometry: HandGeometry) -> list[_ExchangeTest]:
+    """Every two long fingers: how large the errors of their knuckles' places are is learnt from what is off in all directions but the exchange's."""
+    long = [k for k, f in enumerate(seen.fingers) if f != "thumb"]
+    freedom = 3 * len(long) - FREE
+    if freedom < 1:
+        return []
+    rows = (3 * np.array(long)[:, None] + np.arange(3)).ravel()
+    fingers = tuple(seen.fingers[k] for k in long)
+    of_long = Roots(fingers, seen.place[long], seen.covariance[np.ix_(rows, rows)])
+    declared = np.array([geometry.joint_positions[root_joint(f)] for f in fingers])
+    own, exchanges = _misfit(of_long, declared), list(_exchanges(declared))
+    tests = []
+    for a, b, place in exchanges:
+        towards = own - _misfit(of_long, place)
+        whole = float(np.linalg.norm(towards))
+        off = float(own @ towards) / whole
+        size = np.sqrt(max(float(own @ own) - off**2, 1e-12) / freedom)
+        p, fits, of_it = student_sf(np.array([off, whole - off, whole]) / size, freedom)
+        count = len(exchanges)
+        tests.append(_ExchangeTest((fingers[a], fingers[b]), count * p, fits, count * of_it))
+    return tests
+
+
+def _covariance(joints: Sequence[Joint]) -> Array:
+    """Of the places (6 F, 6 F) m^2 of the hand's joints with its fingers, one after the other: its sensor errs alike for all of them."""
+    of_first, of_second = systematic_errors(joints, UNKNOWN)
+    shared = np.concatenate(of_first)
+    alone = scattered(joints) + of_second
+    own = (1 - OF_HAND_SENSOR) * of_first @ np.swapaxes(of_first, 1, 2)
+    return OF_HAND_SENSOR * shared @ shared.T + _diagonal(alone + own)
+
+
+def _diagonal(blocks: Sequence[Array] | Array) -> Array:
+    """Blocks (B, n, n) along the diagonal of a matrix (B n, B n)."""
+    count, size = np.shape(blocks)[:2]
+    whole = np.zeros((count, size, count, size))
+    whole[np.arange(count), :, np.arange(count)] = blocks
+    return whole.reshape(count * size, count * size)
 
 
 def bones(pairs: Pairs, geometry: HandGeometry) -> list[Bone]:
@@ -124,22 +214,25 @@ def judge(seen: Roots | None, along: list[Bone], geometry: HandGeometry) -> Verd
 def _hypotheses(
     fingers: tuple[str, ...], declared: Array
 ) -> list[tuple[str, tuple[str, ...], Array]]:
-    found: list[tuple[str, tuple[str, ...], Array]] = []
-    for a, b in itertools.combinations(range(len(fingers)), 2):
-        order = np.arange(len(fingers))
-        order[[a, b]] = b, a
-        found.append(("fingers", (fingers[a], fingers[b]), declared[order]))
+    found: list[tuple[str, tuple[str, ...], Array]] = [
+        ("fingers", (fingers[a], fingers[b]), place) for a, b, place in _exchanges(declared)
+    ]
     return [*found, ("side", (), declared * [1.0, 1.0, -1.0]), ("positions", (), -declared)]
+
+
+def _exchanges(declared: Array) -> Iterator[tuple[int, int, Array]]:
+    """Every two of some places (F, 3), and all places after their exchange."""
+    for a, b in itertools.combinations(range(len(declared)), 2):
+        order = np.arange(len(declared))
+        order[[a, b]] = b, a
+        yield a, b, declared[order]
 
 
 def _whitened(seen: Roots, place: Array) -> Array:
     """What is left (3 F,) of the places, in standard deviations, the place of the hand's sensor being free."""
     F = len(seen.fingers)
-    covariance = np.zeros((3 * F, 3 * F))
-    for k, finger in enumerate(seen.fingers):
-        covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = seen.covariance[k] + ROOT_SD[
-            finger
-        ] ** 2 * np.eye(3)
+    own = np.concatenate([ROOT_SD[finger] for finger in seen.fingers])
+    covariance = seen.covariance + np.diag(own**2)
     covariance += HAND_SENSOR_SD**2 * np.kron(np.ones((F, F)), np.eye(3))
     return np.asarray(np.linalg.solve(np.linalg.cholesky(covariance), (seen.place - place).ravel()))
 

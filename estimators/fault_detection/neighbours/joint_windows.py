@@ -3,7 +3,7 @@
 In      blocks of all inertial streams, gyroscope biases where known
 Out     per window and sensor: specific force, and what an arm of one metre along each axis would add to it, as time series in a frame that does not turn
 Source  acceleration of a point of a rigid body; rates integrated within a window only, so that biases do not accumulate
-Limits  samples that are missing or saturated are bridged by splines; windows that miss more than `MOST_MISSING`, or a stretch longer than `LONGEST_GAP`, are left out
+Limits  samples that are missing or saturated are bridged by splines; windows that miss more than `MOST_MISSING`, or a stretch of `MOST_EMPTY` instants, are left out
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,6 +31,7 @@ AVERAGED = 4  # samples of the common time base that make one of a window's: 25 
 INSTANTS = round(LENGTH * RATE) // AVERAGED  # of a window
 LONGEST_GAP = 0.08  # s
 MOST_MISSING = 0.3
+MOST_EMPTY = 4  # instants of a window in a row without a sample near, over which no spline bridges
 QUIET = 0.06  # rad/s, largest standard deviation of a rate's axis in a second of rest
 BIAS = 0.2  # rad/s, largest zero-rate level that a second of rest may tell
 
@@ -61,8 +62,10 @@ class Windows:
 
     @cached_property
     def valid(self) -> NDArray[np.bool_]:
-        """Windows (K,) that miss few samples."""
-        return np.asarray(self.share.mean(axis=1) > 1 - MOST_MISSING)
+        """Windows (K,) that miss few samples, and no stretch of them."""
+        empty = np.lib.stride_tricks.sliding_window_view(self.share == 0.0, MOST_EMPTY, axis=1)
+        stretch = np.any(np.all(empty, axis=2), axis=1)
+        return np.asarray((self.share.mean(axis=1) > 1 - MOST_MISSING) & ~stretch)
 
     def within(self, first: int, count: int) -> "Windows":
         """A part of each window's instants, in the frames of the whole."""
@@ -93,10 +96,21 @@ class Windows:
         return np.asarray(np.sqrt((self.arm**2).mean(axis=(1, 2, 3)) * 3))
 
     @cached_property
+    def arms(self) -> Array:
+        """What arms of 1 m add (K, 3, 3), mean over instants of squares and products along the sensor's axes, 1/s^4."""
+        return squares(self.arm)
+
+    @cached_property
     def turn(self) -> Array:
         """How far (K,) rad the sensor turns about its mean orientation, root mean square."""
         off = self.turned - self.turned.mean(axis=1, keepdims=True)
         return np.asarray(np.sqrt((off**2).sum(axis=(2, 3)).mean(axis=1) / 2))
+
+
+def squares(arms: Array) -> Array:
+    """Mean over instants (K, 3, 3) of the products of what arms along each axis add (K, m, 3, 3), summed over components."""
+    flat = arms.reshape(len(arms), -1, 3)
+    return np.asarray(np.swapaxes(flat, 1, 2) @ flat / arms.shape[1])
 
 
 def by_vector(vectors: Array) -> Array:

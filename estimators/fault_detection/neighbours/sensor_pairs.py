@@ -59,9 +59,10 @@ class Pairs:
         present = self.series.sensors if self.among is None else self.among
         return [(j.parent, j.child) for j in JOINTS if j.parent in present and j.child in present]
 
-    def later(self, by: float) -> "Pairs":
-        """The same in windows that begin `by` s later."""
-        first, s = round(by * joint_windows.RATE), self.series
+    @cached_property
+    def later(self) -> "Pairs":
+        """The same in windows that begin half a window later."""
+        first, s = round(0.5 * joint_windows.LENGTH * joint_windows.RATE), self.series
         return Pairs(
             Series(
                 s.t[first:],

@@ -113,7 +113,7 @@ def of_slip(found: Slip, pairs: Pairs) -> Suspicion:
         "odds": odds_of(found.p_value),
     }
     span = (found.start, float(pairs.series.t[-1]))
-    correction = {"turn": quat.exp(found.turn), "start": found.start}
+    correction = None if found.is_seen else {"turn": quat.exp(found.turn), "start": found.start}
     return Suspicion(
         Message("sensor.slipped", values, SEVERITY),
         (found.sensor,),

@@ -98,13 +98,15 @@ def test_what_was_not_tested_is_said_by_finger_and_changes_no_answer() -> None:
     untested = {
         "gyroscopes": ["hand", "ring_proximal", "ring_middle", "ring_distal"],
         "strips": ["index"],
+        "fingers": ["middle", "ring"],
     }
     trust = judge_trust([("tapping", figure())], True)
     said = trust_payload(trust, {}, EN, untested=untested)
     assert said["answer"] == "yes"
-    gyroscopes, strips = said["untested"]
+    gyroscopes, strips, fingers = said["untested"]
     assert "hand; ring" in gyroscopes
     assert "index" in strips
+    assert "each other's place" in fingers and "middle; ring" in fingers
     assert trust_payload(trust, {}, EN)["untested"] == []
 
 

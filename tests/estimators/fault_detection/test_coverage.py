@@ -43,12 +43,13 @@ def test_nothing_is_tested_where_nothing_moves() -> None:
     found = _asked(_at_rest())
     assert set(found.strips) == set(CHAINS)
     assert {s for chain in CHAINS.values() for s in chain} <= set(found.gyroscopes)
-    assert [m.severity for m in found.messages] == ["info", "info"]
+    assert set(found.fingers) == {*CHAINS} - {"thumb"}
+    assert [m.severity for m in found.messages] == ["info"] * 3
 
 
 def test_sensors_of_which_something_is_found_are_left_out() -> None:
     found = _asked(_at_rest(), named=CHAINS["ring"])
-    assert "ring" not in found.strips
+    assert "ring" not in found.strips + found.fingers
     assert not set(CHAINS["ring"]) & set(found.gyroscopes)
 
 

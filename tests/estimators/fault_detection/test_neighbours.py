@@ -11,7 +11,7 @@ from handscope.estimators.fault_detection.neighbours import check_neighbours as 
 from handscope.estimators.hand.anatomy import CHAINS, Hand
 from handscope.estimators.hand.geometry import HandGeometry, sized
 from handscope.estimators.recording_checks.check import suspicions_of
-from handscope.estimators.simulation.scenario import simulate
+from handscope.estimators.simulation.scenario import Simulated, simulate
 from handscope.estimators.simulation.sensors import SensorErrors
 from handscope.validation.studies import crosschecks
 from tests.estimators.fault_detection.joint_recordings import (
@@ -123,15 +123,27 @@ def test_a_knock_in_a_single_second_is_no_fault() -> None:
     assert told(knocked(tapping, "index_distal", 10.2)) == []
 
 
-def test_two_exchanged_fingers_are_named() -> None:
-    blocks = intact()
-    for a, b in zip(CHAINS["index"], CHAINS["ring"]):
-        blocks = exchanged(
-            replace(freely_moved(), samples={b.stream.name: b for b in blocks}), a, b
-        )
-    (found,) = told(blocks)
+def with_exchanged_fingers(recording: Simulated, one: str, other: str) -> list[Block]:
+    for a, b in zip(CHAINS[one], CHAINS[other]):
+        blocks = exchanged(recording, a, b)
+        recording = replace(recording, samples={block.stream.name: block for block in blocks})
+    return blocks
+
+
+@pytest.mark.parametrize("pair", [("index", "ring"), ("index", "middle"), ("ring", "little")])
+def test_two_exchanged_fingers_are_named(pair: tuple[str, str]) -> None:
+    (found,) = told(with_exchanged_fingers(freely_moved(), *pair))
     assert found.message.code == "fingers.exchanged"
-    assert (found.message.values["first"], found.message.values["second"]) == ("index", "ring")
+    assert (found.message.values["first"], found.message.values["second"]) == pair
+
+
+def test_exchanged_fingers_are_found_in_a_hand_that_the_forearm_turns_while_they_rest() -> None:
+    turned = simulate(
+        ("pronation_supination",), "left", GEOMETRY, np.random.default_rng(8), SensorErrors()
+    )
+    assert told(list(turned.blocks())) == []
+    found = told(with_exchanged_fingers(turned, "middle", "ring"))
+    assert [s.message.code for s in found] == ["fingers.exchanged"]
 
 
 def test_a_slipped_sensor_is_named_with_its_turn_and_time() -> None:
@@ -139,6 +151,32 @@ def test_a_slipped_sensor_is_named_with_its_turn_and_time() -> None:
     assert (found.message.code, found.sensors) == ("sensor.slipped", ("middle_middle",))
     assert found.message.values["angle_deg"] == pytest.approx(17.0, abs=3.0)
     assert found.spans[0][0] == pytest.approx(12.3, abs=0.1)
+
+
+@pytest.mark.parametrize(("degrees", "sensor"), [(17.0, "middle_middle"), (17.0, "ring_proximal")])
+def test_a_sensor_that_its_gyroscope_saw_turn_on_its_segment_is_named(
+    degrees: float, sensor: str
+) -> None:
+    turn = np.array([0.0, 0.0, np.radians(degrees)])
+    turning = crosschecks.slipped(sensor, turn, 12.3, seconds=0.2)
+    (found,) = told([turning(b) for b in intact()])
+    assert (found.message.code, found.sensors) == ("sensor.slipped", (sensor,))
+    assert found.message.values["angle_deg"] == pytest.approx(degrees, rel=0.5)
+    assert found.spans[0][0] == pytest.approx(12.3, abs=0.1)
+    assert found.correction is None  # later readings are right in a frame that turned with them
+
+
+def test_gaps_of_a_sensor_are_no_disagreement() -> None:
+    fist = simulate(
+        ("rom_fist", "tapping"), "left", GEOMETRY, np.random.default_rng(8), SensorErrors()
+    )
+
+    def drop(block: Block) -> Block:
+        values = block.values.copy()
+        values[np.mod(block.t, 1.2) < 0.3, block.stream.sensors.index("index_middle")] = np.nan
+        return replace(block, values=values)
+
+    assert told([drop(b) for b in fist.blocks()]) == []
 
 
 def test_the_other_hand_is_told_by_its_bones() -> None:

@@ -12,7 +12,7 @@ from handscope.estimators.hand.anatomy import FLEXION, JOINT, SEGMENT
 from handscope.estimators.measures.accuracy import DEFAULT, with_sd
 from handscope.estimators.measures.figure import grade_of
 from handscope.estimators.messages.sentence import codes_of
-from handscope.estimators.methods import m2
+from handscope.estimators.methods import ekf, m2
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import process
@@ -125,3 +125,19 @@ def test_accelerometers_that_are_all_negated_are_asked_about(intact: Simulated) 
     wrong = replace(intact, samples=samples)
     (asked,) = [s for s in suspicions_of(wrong) if s.message.severity == "info"]
     assert asked.message.code == "file.accelerometer_negated"
+
+
+def test_where_the_rate_is_wrong_no_sensor_is_said_to_have_turned() -> None:
+    pinch = record_experiment(
+        EXPERIMENTS["P1 F1-F2"], np.random.default_rng(12), SensorErrors(), None, "left"
+    )
+    samples = {n: replace(b, t=2.0 * b.t) for n, b in pinch.samples.items()}
+    events = tuple(replace(e, onset=2.0 * e.onset, duration=2.0 * e.duration) for e in pinch.events)
+    wrong = replace(pinch, samples=samples, events=events)
+    made = process(ekf, ekf.Params(), wrong)
+    assert "sensor.turned" in {s.message.code for s in made.suspicions}
+    checked = check_processed(made, wrong)
+    assert [s.message.code for s in checked.suspicions if s.message.severity != "info"] == [
+        "file.rate"
+    ]
+    assert not any("sensor.turned" in codes_of(w) for w in checked.warnings)
