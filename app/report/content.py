@@ -278,7 +278,11 @@ def content(  # noqa: PLR0913
         processed.warnings,
         changes,
         course,
-        tuple(_not_done(recording, protocols)),
+        tuple(
+            list_not_done(
+                [{"trial_type": e.trial_type, **e.details} for e in recording.events], protocols
+            )
+        ),
         tuple(_left_out(recording, protocols, corrections)),
         tuple(_scores(recording, protocols)),
         stored_form(processed),
@@ -314,17 +318,16 @@ def _recording(recording: LoadedRecording) -> RecordingFacts:
     )
 
 
-def _not_done(recording: LoadedRecording, protocols: Mapping[str, Protocol]) -> list[NotDone]:
-    """What the wizard marked as not done, the last word on each task that no attempt was accepted of."""
-    done = {str(e.details.get("task_name")) for e in recording.events if e.trial_type == "task"}
+def list_not_done(
+    events: Sequence[Mapping[str, Any]], protocols: Mapping[str, Protocol]
+) -> list[NotDone]:
+    """What the wizard marked as not done, the last word on each task that no attempt was accepted of; events with their trial_type and details."""
+    done = {str(e.get("task_name")) for e in events if e["trial_type"] == "task"}
     skipped: dict[str, NotDone] = {}
-    for event in recording.events:
-        name, outcome = (
-            str(event.details.get("task_name", "")),
-            str(event.details.get("outcome", "")),
-        )
+    for event in events:
+        name, outcome = str(event.get("task_name", "")), str(event.get("outcome", ""))
         if (
-            event.trial_type == "annotation"
+            event["trial_type"] == "annotation"
             and name not in done
             and outcome
             and not outcome.startswith(ATTEMPTED)
