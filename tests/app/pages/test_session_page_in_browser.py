@@ -1,4 +1,4 @@
-"""What is typed and not saved is there again when the person comes back; leaving the document with it is asked about."""
+"""Parts of the page of a session: notes that are not saved, and where a session stands."""
 
 import pytest
 from playwright.sync_api import Browser
@@ -34,4 +34,26 @@ def test_unsaved_notes_stay_and_leaving_with_them_is_asked_about(
     page.route(f"{SITE}/**", serve)
     page.goto(SITE)
     assert page.evaluate(TYPED, [part, about]) == [False, "no pain", True]
+    page.close()
+
+
+STANDS = """async (saving) => {
+  const { mount } = await import("/static/session/progress.js");
+  const leave = mount(document.body, {}, { session: { state: "open", station: null, saving, recordings: [] }, reload: () => {} });
+  leave();
+  return document.querySelector("h2").textContent;
+}"""
+
+
+@pytest.mark.parametrize(
+    ("saving", "words"),
+    [(True, "Saving the recording…"), (False, "This session is still being recorded")],
+)
+def test_a_session_that_was_finished_is_being_saved(
+    browser: Browser, saving: bool, words: str
+) -> None:
+    page = browser.new_page(locale="en")
+    page.route(f"{SITE}/**", serve)
+    page.goto(SITE)
+    assert page.evaluate(STANDS, saving) == words
     page.close()
