@@ -100,7 +100,8 @@ def _absent(content: Content, language: Language) -> list[str]:
 def not_done_row(missed: NotDone, language: Language) -> list[str]:
     """A task that was not done, how it ended, and why, in the reader's language."""
     outcome = language.known(f"outcome.{missed.outcome.replace(' ', '_')}", missed.outcome)
-    return [language.translate(missed.title), outcome, missed.reason]
+    reason = language.known(f"not_done.{missed.reason}", missed.reason)
+    return [language.translate(missed.title), outcome, reason]
 
 
 def _reference(tasks: Sequence[Task], edition: Edition, language: Language) -> str:
