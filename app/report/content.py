@@ -14,7 +14,8 @@ from handscope.app.protocols import Protocol
 from handscope.app.report.changes import Changes
 from handscope.app.report.references import Edition, newest
 from handscope.app.report.sections.self_calibration import stored_form
-from handscope.estimators.data.calibration import SensorQuality
+from handscope.estimators.alignment.quality import of_joints
+from handscope.estimators.data.calibration import Calibration, SensorQuality
 from handscope.estimators.data.options import Description, changed_options, describe
 from handscope.estimators.data.trajectory import FLAG_WORDS, Flag, Trajectory
 from handscope.estimators.hand.anatomy import DOF_NAMES, FLEXION, JOINT, SEGMENT, Hand
@@ -109,6 +110,7 @@ class CalibrationFacts:
     onset: float  # s
     end: float  # s
     sensors: Mapping[str, SensorQuality]
+    joints: tuple[tuple[str, str], ...] = ()  # joint and grade (quality.py), of those not good
 
 
 @dataclass(frozen=True)
@@ -271,7 +273,10 @@ def content(  # noqa: PLR0913
         software,
         Method(method, ALL_METHODS[method].TITLE, tuple(_changed_options(params))),
         _recording(recording),
-        tuple(CalibrationFacts(c.description, *c.span, c.quality) for c in processed.calibrations),
+        tuple(
+            CalibrationFacts(c.description, *c.span, c.quality, joints_to_name(c))
+            for c in processed.calibrations
+        ),
         tuple(_task(r, protocols.get(r.task), processed.trajectory) for r in results),
         measured,
         tuple(_flag_shares(processed.trajectory, results, measured)),
@@ -316,6 +321,11 @@ def _recording(recording: LoadedRecording) -> RecordingFacts:
     return RecordingFacts(
         recording.checksum, recording.start_utc or "", recording.duration, recording.source, streams
     )
+
+
+def joints_to_name(calibration: Calibration) -> tuple[tuple[str, str], ...]:
+    """Joints of which the calibration is fair or poor, with that grade."""
+    return tuple((j.joint, j.grade) for j in of_joints(calibration) if j.grade in ("fair", "poor"))
 
 
 def list_not_done(

@@ -30,7 +30,7 @@ from handscope.app.report.sections.trend_section import trend_section
 from handscope.app.report.summary import not_done_row, summary
 from handscope.app.report.tables import data_checksum
 from handscope.app.report.units import DEG, places_of, unit_words, with_unit
-from handscope.app.report.words import device_words, moment_words
+from handscope.app.report.words import calibration_words, device_words, moment_words
 from handscope.estimators.data.calibration import SensorQuality
 from handscope.estimators.data.samples import FORCE
 
@@ -224,7 +224,10 @@ def _calibration(calibrations: Sequence[CalibrationFacts], language: Language) -
     )
     sensors = [(segment, q) for c in calibrations for segment, q in c.sensors.items()]
     return {
-        "summaries": sentences or [language.say("calibration.none")],
+        "summaries": [
+            *(sentences or [language.say("calibration.none")]),
+            *(words for c in calibrations for words in calibration_words(c.joints, language)),
+        ],
         "rows": [
             [
                 language.say(f"calibration.{name}"),

@@ -20,7 +20,7 @@ from sqlalchemy.orm.exc import StaleDataError
 
 from handscope.app.options import with_options
 from handscope.app.protocols import offered
-from handscope.app.report.content import Content, Visit, content
+from handscope.app.report.content import Content, Visit, content, joints_to_name
 from handscope.app.report.references import newest
 from handscope.app.report.sections import self_calibration
 from handscope.app.report.stored import pack, unpack
@@ -210,6 +210,7 @@ def page_content(
             "onset": c.span[0],
             "end": c.span[1],
             "quality": {s: asdict(q) for s, q in c.quality.items()},
+            "joints": joints_to_name(c),
         },
         "drift": _drifts(processed),
         "untested": dict(derivative.untested_table(processed.untested)),

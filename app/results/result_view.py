@@ -26,7 +26,7 @@ from handscope.app.report.sections.range_rows import (
 from handscope.app.report.sections.shown_panels import shown_of
 from handscope.app.report.summary import not_done_row
 from handscope.app.report.units import DEG, TAPPING_ROWS, places_of, reading
-from handscope.app.report.words import figure_words
+from handscope.app.report.words import calibration_words, figure_words
 from handscope.app.results.hand_history import resembles_other_hand
 from handscope.app.results.headlines import FOLDED, finger_rows, headlines, joint_deficits
 from handscope.app.results.leading_findings import faulty_sensors, leading_findings
@@ -400,6 +400,7 @@ def calibration_payload(
         "end": calibration["end"],
         "sensors": len(quality),
         "largest": rows,
+        "joints": calibration_words(calibration.get("joints", ()), language),
     }
 
 

@@ -307,5 +307,5 @@ def event_row(event: Event) -> dict[str, Any]:
         "task": event.details.get("task_name"),
     }
     outcome = str(event.details.get("outcome") or "").partition(":")[0]  # without its reason
-    told = {"phase": event.details.get("phase"), "outcome": outcome}
-    return row | {name: value for name, value in told.items() if value}
+    further = {"phase": event.details.get("phase"), "outcome": outcome}
+    return row | {name: value for name, value in further.items() if value}

@@ -8,7 +8,7 @@ from handscope.app.language import languages
 from handscope.app.protocols import load_all
 from handscope.app.results.leading_findings import faulty_sensors, leading_findings
 from handscope.app.results.make import assess_result, page_content
-from handscope.app.results.result_view import readings
+from handscope.app.results.result_view import calibration_payload, readings
 from handscope.app.results.trust import judge_trust, trust_payload
 from handscope.estimators.data.samples import Event
 from handscope.estimators.measures.figure import Figure, Grade
@@ -114,6 +114,16 @@ def test_a_hand_that_calibrated_itself_without_a_pose_is_calibrated(
     rows = [asdict(figure()) | {"task": "rom_spread", "measure": "range_of_motion"}]
     content = {"calibration": {"quality": {}, "source": "free"}, "self_calibration": found}
     assert readings(content, rows, {}, EN)["trust"]["answer"] == answer
+
+
+def test_joints_whose_calibration_is_fair_are_named() -> None:
+    recording, processed, _ = session()
+    (c, *_) = processed.calibrations
+    turned = {**c.quality, "index_middle": replace(c.quality["index_middle"], misalignment=0.3)}
+    made = replace(processed, calibrations=(replace(c, quality=turned),))
+    content = page_content(made, [], recording)
+    (words,) = calibration_payload(content["calibration"], EN)["joints"]
+    assert words == "Calibration by joint: fair at Index PIP; Index DIP."
 
 
 def test_what_was_not_tested_is_said_by_finger_and_changes_no_answer() -> None:
