@@ -93,17 +93,16 @@ function draw(root, api, about) {
     [tapping, place("stack")],
     [measures, place("stack")],
   ];
-  const tasks = done ? [trials, compare, camera].map((part) => [part, place()]) : [];
-  const kept = [recordings, reprocess].map((part) => [part, place()]);
-  const top = [treats && session.empty && empty, done && result.readings.not_done.length > 0 && notDone];
-  const first = top.filter(Boolean).map((part) => [part, place()]);
+  const placed = (parts) => parts.filter(Boolean).map((part) => [part, place()]);
+  const [tasks, kept] = [placed(done ? [trials, compare, camera] : []), placed([recordings, reprocess])];
+  const first = placed([treats && session.empty && empty, done && result.readings.not_done.length > 0 && notDone]);
   const closed = session.recordings.some((recording) => recording.sha256);
   const main = [...first, ...(done ? numbers : [[progress, place()]]), ...tasks, ...(closed ? kept : [])];
   const typed = treats ? [notes, dating, closed && trunkHeight.worn(session) && trunkHeight] : [];
-  const read = done ? [goals, references] : [];
-  const aside = [...read, done && selfCalibrationGain, closed && selfCalibration, ...typed].filter(Boolean).map((part) => [part, place()]);
-  const [head, choice] = [done ? [[downloads, place("")]] : [], [[results, place("")]]];
-  const [name, lead, other] = [h("h1", {}), h("p", { class: "soft" }), session.other_hand];
+  const read = [done && goals, done && references, done && selfCalibrationGain, closed && selfCalibration];
+  const aside = placed([...read, ...typed]);
+  const [head, choice, other] = [done ? [[downloads, place("")]] : [], [[results, place("")]], session.other_hand];
+  const [name, lead] = [h("h1", {}), h("p", { class: "soft" })];
   const beside = other && h("a", { href: `/sessions/${other.session}` }, t(`session.other_hand.${other.hand}`));
   const heading = h("div", {}, trail(session), name, lead, beside);
   const tell = (now) => {
@@ -122,8 +121,8 @@ function draw(root, api, about) {
       h("div", { class: "stack" }, ...aside.map(([, place]) => place)),
     ),
   );
-  const leave = assemble(api, about, [...head, ...choice, ...main, ...aside]);
   const further = [...numbers, ...tasks, ...kept, ...aside].filter(([part]) => part !== quality && part !== headlines);
+  const leave = assemble(api, about, [...head, ...choice, ...main, ...aside]);
   if (done) foldOnPhone(further.map(([, place]) => place));
   return leave;
 }
