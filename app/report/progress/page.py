@@ -121,7 +121,7 @@ def _chart(s: Series, hand: Hand, patient: Patient, language: Language) -> dict[
         "title": label(s.name, language),
         "task": _task(s, patient, language),
         "value": words["last"],
-        "verdict": _change(s, hand, language, short=False),
+        "verdict": _change(s, hand, language),
         "chart": course_chart(shown, language),
         "alt": language.counted("trends.alt", len(course.points), **words),
     }
@@ -144,7 +144,7 @@ def _row(s: Series, hand: Hand, patient: Patient, language: Language) -> list[st
         label(s.name, language),
         _worded(s, course.points[0].value, language),
         _worded(s, course.points[-1].value, language),
-        _change(s, hand, language, short=True),
+        _change(s, hand, language),
         amount(mdc, s.name, s.unit, language) if mdc is not None else "",
         language.say(
             "goals.range",
@@ -165,7 +165,7 @@ def _task(s: Series, patient: Patient, language: Language) -> str:
     return language.translate(protocol.title) if protocol else s.task.replace("_", " ")
 
 
-def _change(s: Series, hand: Hand, language: Language, short: bool) -> str:
+def _change(s: Series, hand: Hand, language: Language) -> str:
     """Since the first session: direction, size, and whether it is more than measurement error."""
     course = s.hands[hand]
     first, newest = course.points[0], course.points[-1]
@@ -174,8 +174,7 @@ def _change(s: Series, hand: Hand, language: Language, short: bool) -> str:
     change = Change(s.measure, s.task, s.name, size, s.unit, judge.mdc95, judge.basis, ())
     beyond = newest.since_first
     word = "unknown" if beyond is None else "beyond" if beyond else "within"
-    verdict = language.say(f"progress.short.{word}" if short else f"progress.{word}")
-    return f"{size_words(change, language)}, {verdict}"
+    return f"{size_words(change, language)}, {language.say(f'progress.short.{word}')}"
 
 
 def _worded(s: Series, value: float, language: Language) -> str:
