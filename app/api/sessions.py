@@ -126,7 +126,6 @@ async def upload_recording(
         upload = await parts.upload_reader.read(
             Path(place), name, records.hand_of(hand) if hand else None
         )
-        await to_thread.run_sync(records.require_new, db, patient, upload)
         session = await to_thread.run_sync(
             records.store_upload, db, parts.store, patient, Path(place), name, upload
         )

@@ -114,16 +114,6 @@ def read_upload(upload: Path, name: str, hand: Hand | None) -> Upload:
     )
 
 
-def require_new(db: Session, patient: Patient, upload: Upload) -> None:
-    """InputError where this recording is a session of this hand of the patient already."""
-    of_hand = PatientSession.patient_id == patient.id, PatientSession.hand == upload.hand
-    query = select(PatientSession).join(RecordingFile)
-    kept = db.scalars(query.where(*of_hand, RecordingFile.sha256 == upload.sha256)).first()
-    if kept is not None:
-        day = f"{kept.started:%Y-%m-%d}"
-        raise InputError("store.recording_already_here", day=day, number=kept.id)
-
-
 def _named(mistake: InputError, stored: str, name: str) -> InputError:
     """The same mistake of a file that its user calls `name`."""
     if mistake.message is None:

@@ -16,7 +16,6 @@ from handscope.estimators.data.samples import Event
 from handscope.sessions.db.tables import PatientSession, RecordingFile
 from handscope.sessions.files.recorder import Recorder
 from handscope.sessions.formats import recordings as formats_recordings
-from handscope.sessions.store import records
 from handscope.sessions.store.store import open_store
 from handscope.sessions.wire.framing import Encoder
 from tests.app.api.conftest import files_in
@@ -76,13 +75,8 @@ def test_everything_about_a_patient_comes_in_one_file_that_can_be_checked(
 
 
 def test_a_recording_that_is_damaged_or_gone_is_named_and_the_rest_is_there(
-    client: TestClient,
-    patient: int,
-    native: bytes,
-    settings: Settings,
-    monkeypatch: pytest.MonkeyPatch,
+    client: TestClient, patient: int, native: bytes, settings: Settings
 ) -> None:
-    monkeypatch.setattr(records, "require_new", lambda *_: None)
     sessions = [upload(client, patient, native, "glove.mcap").json()["session"] for _ in range(2)]
     with open_store(settings.data).database() as db:
         damaged, gone = (

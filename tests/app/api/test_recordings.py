@@ -77,17 +77,6 @@ def test_a_report_has_the_date_of_the_recording_or_none(
         assert (told["session"]["date"], session["dated"]) == (expected, expected is not None)
 
 
-def test_a_recording_that_is_here_already_is_not_stored_again(
-    client: TestClient, patient: int, packed: bytes
-) -> None:
-    made = upload(client, patient, packed, method="m2").json()
-    again = upload(client, patient, packed, name="copy.zip")
-    assert again.status_code == 422
-    assert f"(number {made['session']})" in again.json()["error"]
-    other = client.post("/api/patients", json={"pseudonym": "P-9001"}).json()["id"]
-    assert upload(client, other, packed, method="m2").status_code == 201
-
-
 def test_an_upload_becomes_a_session_with_figures_and_exports(
     client: TestClient, patient: int, packed: bytes, settings: Settings
 ) -> None:
