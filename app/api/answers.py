@@ -221,6 +221,7 @@ class SessionAnswer(SessionRow):
 
     geometry: dict[str, Any]
     station: str | None
+    saving: bool  # it was finished, and its recording is being stored
     other_hand: dict[str, Any] | None  # session and hand, of the same visit
     recordings: list[RecordingRow]
 

@@ -39,9 +39,15 @@ def events_for(requester: Requester, content: Mapping[str, Any]) -> dict[str, An
     return {
         **content,
         "events": [
-            {key: event[key] for key in OF_EVENTS if key in event} for event in content["events"]
+            {key: _without_reason(event[key]) for key in OF_EVENTS if key in event}
+            for event in content["events"]
         ],
     }
+
+
+def _without_reason(value: Any) -> Any:
+    """An outcome such as "unable: REASON" without what was typed."""
+    return value.partition(":")[0] if isinstance(value, str) else value
 
 
 def _empty(key: str, value: Any) -> Any:

@@ -12,6 +12,7 @@ from handscope.app.state import Db
 from handscope.sessions.clinic import references, results
 from handscope.sessions.clinic.references import Compared, References
 from handscope.sessions.db.tables import Result
+from handscope.sessions.store import records
 
 router = APIRouter(
     prefix="/results", tags=["results"], dependencies=[requires_role(CLINICIAN, SCIENTIST)]
@@ -44,7 +45,11 @@ def choose(db: Db, requester: RequesterDep, result_id: int, choice: Choice) -> d
 
 
 def references_payload(db: Session, result: Result, stored: References) -> dict[str, Any]:
-    """For pages: a version, what it names, and which versions there are."""
+    """For pages: a version, what it names, which versions there are, and the other hand of the same visit where that is not what it names."""
+    beside = {s.id for s in records.same_visit(db, result.recording.session)}
+    is_taken = not beside or (stored.other and stored.other.session in beside)
+    offered = [] if is_taken else references.candidates(db, result)
+    same_visit = [_comparison_row(c) for c in offered if c.session in beside]
     return {
         "number": stored.number,
         "made": stored.made,
@@ -52,6 +57,7 @@ def references_payload(db: Session, result: Result, stored: References) -> dict[
         "affected": stored.affected,
         "before": _comparison_row(stored.before) if stored.before else None,
         "other": _comparison_row(stored.other) if stored.other else None,
+        "same_visit": same_visit[-1] if same_visit else None,
         "edition": stored.reference_values["version"],
         "versions": [
             {"number": v.number, "made": v.made, "author": v.author}

@@ -65,8 +65,9 @@ def read_result(
     r = results.get(db, result_id)
     found = comparisons_of(r, references) if r.state == "done" else None
     hand = r.recording.session.hand
+    content = events_for(requester, r.content)
     read = readings(
-        r.content,
+        content,
         r.figures,
         offered(parts.store.folder)[0],
         language,
@@ -91,10 +92,9 @@ def read_result(
         "progress": r.progress,
         "error": language.translate(r.error),
         "created": r.created,
-        "content": events_for(
-            requester,
-            {name: value for name, value in r.content.items() if not (lean and name == "tasks")},
-        ),
+        "content": {
+            name: value for name, value in content.items() if not (lean and name == "tasks")
+        },
         "warnings": [
             language.translate(w if requester.sees_all else without_reasons(w, r.corrections))
             for w in r.warnings

@@ -193,6 +193,7 @@ def read_session(
         "geometry": session.geometry,
         "patient": {"id": session.patient.id, "pseudonym": session.patient.pseudonym},
         "station": station.name if station else None,
+        "saving": parts.stations.saves(session.id),
         "other_hand": _other_hand(db, session),
         "recordings": [
             for_reader(requester, recording_row(f))

@@ -57,8 +57,11 @@ def write(
         start_utc=started.isoformat(),
         source={"device": DEVICE, "software": software_version()},
     )
-    files = writer.tree(recording, "simulated", "example", software=software_version())
-    save_file(writer.pack(dict(files)), target)
+    files = dict(writer.tree(recording, "simulated", "example", software=software_version()))
+    subject = "sub-simulated"
+    (motion,) = (p.removeprefix(f"{subject}/") for p in files if p.endswith("_motion.tsv"))
+    days = f"filename\tacq_time\n{motion}\t{started.isoformat()}\n"
+    save_file(writer.pack(files | {f"{subject}/{subject}_scans.tsv": days.encode()}), target)
 
 
 def _fist(hand: HandGeometry, able: Ability, day: np.random.Generator) -> Performance:

@@ -44,7 +44,7 @@ class Stations:
         self._stations: dict[str, AnyStation] = {}
         self._lock = threading.RLock()
         self._idle = threading.Condition(self._lock)
-        self._closing = 0  # stations that are being closed now
+        self._closing: list[AnyStation] = []
         self._on_finish = on_finish
         self._turns = Turns()
 
@@ -115,6 +115,12 @@ class Stations:
             (s for s in self.all() if isinstance(s, Station) and s.setup.session == session), None
         )
 
+    def saves(self, session: int) -> bool:
+        """Whether a session's live station is being closed: its recording is read whole and stored."""
+        with self._lock:
+            live = [s for s in self._closing if isinstance(s, Station)]
+        return any(s.setup.session == session for s in live)
+
     def uses(self, port: str) -> bool:
         """Whether a live station has this port."""
         return any(isinstance(s, Station) and _same(s.setup.port, port) for s in self.all())
@@ -128,16 +134,16 @@ class Stations:
         """End a station; a live one's recording is finished first, then `on_finish` is called."""
         with self._lock:
             station = self._stations.pop(name, None)
-            self._closing += station is not None
-        if station is None:
-            return
+            if station is None:
+                return
+            self._closing.append(station)
         try:
             station.__exit__(None, None, None)
             if isinstance(station, Station):
                 self._on_finish(station)
         finally:
             with self._idle:
-                self._closing -= 1
+                self._closing.remove(station)
                 self._idle.notify_all()
 
     def close_replays(self, sessions: Set[int]) -> None:

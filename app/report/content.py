@@ -14,7 +14,8 @@ from handscope.app.protocols import Protocol
 from handscope.app.report.changes import Changes
 from handscope.app.report.references import Edition, newest
 from handscope.app.report.sections.self_calibration import stored_form
-from handscope.estimators.data.calibration import SensorQuality
+from handscope.estimators.alignment.quality import of_joints
+from handscope.estimators.data.calibration import Calibration, SensorQuality
 from handscope.estimators.data.options import Description, changed_options, describe
 from handscope.estimators.data.trajectory import FLAG_WORDS, Flag, Trajectory
 from handscope.estimators.hand.anatomy import DOF_NAMES, FLEXION, JOINT, SEGMENT, Hand
@@ -109,6 +110,7 @@ class CalibrationFacts:
     onset: float  # s
     end: float  # s
     sensors: Mapping[str, SensorQuality]
+    joints: tuple[tuple[str, str], ...] = ()  # joint and grade (quality.py), of those not good
 
 
 @dataclass(frozen=True)
@@ -271,14 +273,21 @@ def content(  # noqa: PLR0913
         software,
         Method(method, ALL_METHODS[method].TITLE, tuple(_changed_options(params))),
         _recording(recording),
-        tuple(CalibrationFacts(c.description, *c.span, c.quality) for c in processed.calibrations),
+        tuple(
+            CalibrationFacts(c.description, *c.span, c.quality, joints_to_name(c))
+            for c in processed.calibrations
+        ),
         tuple(_task(r, protocols.get(r.task), processed.trajectory) for r in results),
         measured,
         tuple(_flag_shares(processed.trajectory, results, measured)),
         processed.warnings,
         changes,
         course,
-        tuple(_not_done(recording, protocols)),
+        tuple(
+            list_not_done(
+                [{"trial_type": e.trial_type, **e.details} for e in recording.events], protocols
+            )
+        ),
         tuple(_left_out(recording, protocols, corrections)),
         tuple(_scores(recording, protocols)),
         stored_form(processed),
@@ -314,17 +323,21 @@ def _recording(recording: LoadedRecording) -> RecordingFacts:
     )
 
 
-def _not_done(recording: LoadedRecording, protocols: Mapping[str, Protocol]) -> list[NotDone]:
-    """What the wizard marked as not done, the last word on each task that no attempt was accepted of."""
-    done = {str(e.details.get("task_name")) for e in recording.events if e.trial_type == "task"}
+def joints_to_name(calibration: Calibration) -> tuple[tuple[str, str], ...]:
+    """Joints of which the calibration is fair or poor, with that grade."""
+    return tuple((j.joint, j.grade) for j in of_joints(calibration) if j.grade in ("fair", "poor"))
+
+
+def list_not_done(
+    events: Sequence[Mapping[str, Any]], protocols: Mapping[str, Protocol]
+) -> list[NotDone]:
+    """What the wizard marked as not done, the last word on each task that no attempt was accepted of; events with their trial_type and details."""
+    done = {str(e.get("task_name")) for e in events if e["trial_type"] == "task"}
     skipped: dict[str, NotDone] = {}
-    for event in recording.events:
-        name, outcome = (
-            str(event.details.get("task_name", "")),
-            str(event.details.get("outcome", "")),
-        )
+    for event in events:
+        name, outcome = str(event.get("task_name", "")), str(event.get("outcome", ""))
         if (
-            event.trial_type == "annotation"
+            event["trial_type"] == "annotation"
             and name not in done
             and outcome
             and not outcome.startswith(ATTEMPTED)

@@ -27,10 +27,10 @@ from handscope.app.report.sections.range_section import range_section
 from handscope.app.report.sections.self_calibration import section as self_calibration_section
 from handscope.app.report.sections.tapping_section import TRIALS, tapping_section
 from handscope.app.report.sections.trend_section import trend_section
-from handscope.app.report.summary import outcome_words, summary
+from handscope.app.report.summary import not_done_row, summary
 from handscope.app.report.tables import data_checksum
 from handscope.app.report.units import DEG, places_of, unit_words, with_unit
-from handscope.app.report.words import device_words, moment_words
+from handscope.app.report.words import calibration_words, device_words, moment_words
 from handscope.estimators.data.calibration import SensorQuality
 from handscope.estimators.data.samples import FORCE
 
@@ -77,12 +77,8 @@ def words_of(content: Content, language: Language) -> Page:
         "trends": [section for section in [trend_section(content, language)] if section],
         "self_calibration": self_calibration_section(content.self_calibration, language),
         "not_done": [
-            [
-                language.translate(n.title),
-                outcome_words(n.outcome, language),
-                n.reason or say("no_reason"),
-            ]
-            for n in content.not_done
+            [title, outcome, reason or say("no_reason")]
+            for title, outcome, reason in (not_done_row(n, language) for n in content.not_done)
         ],
         "scores": [
             [language.translate(s.title), language.translate(s.scale), f"{s.score:g}"]
@@ -228,7 +224,10 @@ def _calibration(calibrations: Sequence[CalibrationFacts], language: Language) -
     )
     sensors = [(segment, q) for c in calibrations for segment, q in c.sensors.items()]
     return {
-        "summaries": sentences or [language.say("calibration.none")],
+        "summaries": [
+            *(sentences or [language.say("calibration.none")]),
+            *(words for c in calibrations for words in calibration_words(c.joints, language)),
+        ],
         "rows": [
             [
                 language.say(f"calibration.{name}"),

@@ -10,7 +10,7 @@ import numpy as np
 from handscope.app.language import Language
 from handscope.app.report.change_words import named_change
 from handscope.app.report.changes import Changes
-from handscope.app.report.content import Content, Task
+from handscope.app.report.content import Content, NotDone, Task
 from handscope.app.report.references import Edition
 from handscope.app.report.sections.range_comparison import (
     Lacking,
@@ -83,10 +83,8 @@ def _tasks(content: Content, language: Language) -> str:
 
 
 def _not_done(content: Content, language: Language) -> list[str]:
-    named = [
-        f"{language.translate(n.title)} ({', '.join(w for w in (outcome_words(n.outcome, language), n.reason) if w)})"
-        for n in content.not_done
-    ]
+    rows = [not_done_row(n, language) for n in content.not_done]
+    named = [f"{title} ({', '.join(filter(None, why))})" for title, *why in rows]
     return [language.say("summary.not_done", tasks=language.several(named))] if named else []
 
 
@@ -99,9 +97,11 @@ def _absent(content: Content, language: Language) -> list[str]:
     ]
 
 
-def outcome_words(outcome: str, language: Language) -> str:
-    """How a task ended, in the reader's language."""
-    return language.known(f"outcome.{outcome.replace(' ', '_')}", outcome)
+def not_done_row(missed: NotDone, language: Language) -> list[str]:
+    """A task that was not done, how it ended, and why, in the reader's language."""
+    outcome = language.known(f"outcome.{missed.outcome.replace(' ', '_')}", missed.outcome)
+    reason = language.known(f"not_done.{missed.reason}", missed.reason)
+    return [language.translate(missed.title), outcome, reason]
 
 
 def _reference(tasks: Sequence[Task], edition: Edition, language: Language) -> str:

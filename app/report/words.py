@@ -37,6 +37,19 @@ def joint_words(joint: str, language: Language) -> tuple[str, str]:
     return language.known(f"finger.{group}", group.capitalize()), language.joint(name)
 
 
+def calibration_words(joints: Sequence[Sequence[str]], language: Language) -> list[str]:
+    """How good a calibration is for joints of which it is not good; rows of joint and grade."""
+    return [
+        language.say(f"calibration.joints.{grade}", joints=language.several(named_joints))
+        for grade in ("fair", "poor")
+        if (
+            named_joints := [
+                " ".join(joint_words(joint, language)) for joint, of in joints if of == grade
+            ]
+        )
+    ]
+
+
 def flexion_words(largest: float, language: Language) -> str:
     """The largest flexion (rad); how far a joint stays behind straight is said with its extension."""
     degrees = round(largest * DEG)

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Literal
 
+import numpy as np
+
 from handscope.app.language import Language
 from handscope.app.report.change_words import level_words, value_words
 from handscope.app.report.changes import Change, Changes
@@ -17,7 +19,7 @@ from handscope.app.report.progress.labels import label
 from handscope.app.report.references import Edition, newest
 from handscope.app.report.sections.other_measures import share_words
 from handscope.app.report.sections.range_comparison import reference_of
-from handscope.app.report.sections.range_rows import over_tasks
+from handscope.app.report.sections.range_rows import GRADES, over_tasks
 from handscope.app.report.units import (
     DEG,
     decimals_of_sd,
@@ -60,7 +62,9 @@ def headlines(
     for task, measure, figure in leading:
         if found := kept.pop((measure, task, figure.name), None):
             key = (measure, task, figure.name)
-            tiles[task].append(_tile(key, figure, found[0], language, changes, other, edition))
+            trials = [f for t, m, f in figures if (m, t, f.name) == key]
+            tile = _tile(key, figure, found[0], language, changes, other, edition)
+            tiles[task].append(tile | _quality(trials, language))
     return [{"title": titles.get(task, task), "tiles": of} for task, of in tiles.items() if of]
 
 
@@ -157,6 +161,19 @@ def _tile(
         "beyond": bool(change and change.beyond),
         "wanted": _wanted(figure),
         "verdict": _verdict(figure, change),
+    }
+
+
+def _quality(trials: Sequence[Figure], language: Language) -> dict[str, str]:
+    """The worst signal over the trials, and the standard deviation of the value where it is of one trial; "" where not known."""
+    (figure, *others) = trials
+    sd = 0.0 if others or figure.sd is None else figure.sd
+    read = reading(Figure(figure.name, sd, figure.unit, ""))
+    known = np.isfinite(read.value) and read.value > 0
+    number = language.number(read.value, decimals_of_sd(read.value)) if known else ""
+    return {
+        "sd": f"± {with_unit(number, read.unit, language)}" if known else "",
+        "grade": max((f.grade for f in trials), key=GRADES.index),
     }
 
 

@@ -20,7 +20,7 @@ from sqlalchemy.orm.exc import StaleDataError
 
 from handscope.app.options import with_options
 from handscope.app.protocols import offered
-from handscope.app.report.content import Content, Visit, content
+from handscope.app.report.content import Content, Visit, content, joints_to_name
 from handscope.app.report.references import newest
 from handscope.app.report.sections import self_calibration
 from handscope.app.report.stored import pack, unpack
@@ -96,7 +96,7 @@ def _make(db: Session, store: Store, result: Result) -> None:
     )
     recording, processed = process_result(store, result, on_progress)
     on_progress(1.0)
-    tasks = assess_recording(result.method, recording, processed)
+    tasks = assess_result(result, recording, processed)
     save_replay(store, result.id, processed.trajectory)
     save_report(store, result, recording, processed, tasks)
     result.figures = [row for t in tasks for row in figure_rows(t)]
@@ -154,15 +154,17 @@ def options_of(result: Result) -> dict[str, Any]:
     return values_of(params_of(result))
 
 
-def assess_recording(
-    method: str, recording: LoadedRecording, processed: Processed
+def assess_result(
+    result: Result, recording: LoadedRecording, processed: Processed
 ) -> list[TaskResult]:
-    """The measures of a processed recording."""
+    """The measures of a processed recording; none of a session measured here without a trial: nothing was asked of how the hand moved in it."""
+    if records.is_without_trial(result.recording.session):
+        return []
     return assess(
         processed.trajectory,
         recording.events,
         recording.geometry,
-        accuracy_of(method, processed.calibrations),
+        accuracy_of(result.method, processed.calibrations),
     )
 
 
@@ -208,6 +210,7 @@ def page_content(
             "onset": c.span[0],
             "end": c.span[1],
             "quality": {s: asdict(q) for s, q in c.quality.items()},
+            "joints": joints_to_name(c),
         },
         "drift": _drifts(processed),
         "untested": dict(derivative.untested_table(processed.untested)),
@@ -349,7 +352,7 @@ def load_report(store: Store, result: Result) -> Content:
         return report_content
     recording, processed = process_result(store, result)
     return save_report(
-        store, result, recording, processed, assess_recording(result.method, recording, processed)
+        store, result, recording, processed, assess_result(result, recording, processed)
     )
 
 

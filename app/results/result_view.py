@@ -10,7 +10,7 @@ from handscope.app.language import Language
 from handscope.app.protocols import Protocol
 from handscope.app.report.change_words import row_words, tapping_words
 from handscope.app.report.changes import Changes
-from handscope.app.report.content import OtherHand, Task, asked
+from handscope.app.report.content import OtherHand, Task, asked, list_not_done
 from handscope.app.report.gradings import DEFAULT, grade_tasks
 from handscope.app.report.norms import norm_of
 from handscope.app.report.progress.importance import leading_ranges
@@ -24,8 +24,9 @@ from handscope.app.report.sections.range_rows import (
     range_rows,
 )
 from handscope.app.report.sections.shown_panels import shown_of
+from handscope.app.report.summary import not_done_row
 from handscope.app.report.units import DEG, TAPPING_ROWS, places_of, reading
-from handscope.app.report.words import figure_words
+from handscope.app.report.words import calibration_words, figure_words
 from handscope.app.results.hand_history import resembles_other_hand
 from handscope.app.results.headlines import FOLDED, finger_rows, headlines, joint_deficits
 from handscope.app.results.leading_findings import faulty_sensors, leading_findings
@@ -60,7 +61,9 @@ def readings(  # noqa: PLR0913
 ) -> dict[str, Any]:
     """Tables for pages from a stored result's content, figures and warnings, `lean` without the list of figures; empty before it is done."""
     tasks = content.get("tasks", [])
+    missed = list_not_done(content.get("events", ()), protocols)
     return {
+        "not_done": [not_done_row(n, language) for n in missed],
         "ranges": _ranges(
             [t for t in tasks if t["measure"] == "range_of_motion"],
             figures,
@@ -397,6 +400,7 @@ def calibration_payload(
         "end": calibration["end"],
         "sensors": len(quality),
         "largest": rows,
+        "joints": calibration_words(calibration.get("joints", ()), language),
     }
 
 

@@ -225,10 +225,13 @@ def hand_length(m: HandMeasures) -> float:
 def check(m: HandMeasures) -> None:
     """Refuse a length that no hand has: most often millimetres given as metres."""
     given: dict[str, tuple[Any, str]] = {
-        name: (getattr(m, name), name) for name in ("hand_length", "hand_breadth", "palm_length")
+        phrase("hand.measure_hand_length"): (m.hand_length, "hand_length"),
+        phrase("hand.measure_hand_breadth"): (m.hand_breadth, "hand_breadth"),
+        phrase("hand.measure_palm_length"): (m.palm_length, "palm_length"),
     }
     given |= {
-        f"finger_length {finger}": (value, "finger") for finger, value in m.finger_length.items()
+        phrase("hand.length_of", segment=finger): (value, "finger")
+        for finger, value in m.finger_length.items()
     }
     given |= {
         phrase("hand.length_of", segment=s): (value, "forearm" if s == "forearm" else "segment")
@@ -238,9 +241,8 @@ def check(m: HandMeasures) -> None:
     for name, (value, kind) in given.items():
         low, high = PLAUSIBLE[kind]
         if value is not None and not low <= value <= high:
-            raise InputError(
-                "hand.geometry_length_outside", name=name, value=value, least=low, most=high
-            )
+            in_mm = {"value": 1e3 * value, "least": 1e3 * low, "most": 1e3 * high}
+            raise InputError("hand.geometry_length_outside", name=name, **in_mm)
     for joint, position in m.joint_positions.items():
         low, high = PLAUSIBLE["thumb_cmc" if joint == "thumb_cmc" else "palm_length"]
         if (

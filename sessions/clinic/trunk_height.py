@@ -15,7 +15,8 @@ from handscope.sessions.files.recording import LoadedRecording
 def require_height(height: float) -> None:
     """InputError where it cannot be one, m."""
     if not LEAST <= height <= MOST:
-        raise InputError("clinic.trunk_height_outside", height=height, least=LEAST, most=MOST)
+        in_mm = {"height": 1e3 * height, "least": 1e3 * LEAST, "most": 1e3 * MOST}
+        raise InputError("clinic.trunk_height_outside", **in_mm)
 
 
 def require_worn(session: PatientSession) -> None:

@@ -60,11 +60,10 @@ def erase(db: Session, store: Store, patient_id: int, typed: str) -> dict[str, i
 
 
 def is_empty(session: PatientSession) -> bool:
-    """Whether a finished session that was measured here holds no trial, and nothing is computed of it."""
-    measured_here = all(f.format == "native" and not f.original_name for f in session.recordings)
+    """Whether a finished session that was measured here holds no trial and no task that the patient could not do, and nothing is computed of it."""
     running = any(r.state in ("queued", "running") for f in session.recordings for r in f.results)
     finished = session.state != "open" and not running
-    return finished and measured_here and not records.tasks_of(session)
+    return finished and records.is_without_trial(session) and not records.has_unable(session)
 
 
 def erase_empty_session(db: Session, store: Store, session_id: int) -> None:

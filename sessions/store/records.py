@@ -45,6 +45,19 @@ def tasks_of(session: PatientSession) -> list[str]:
     return [e["task"] for e in events if e["trial_type"] == "task"]
 
 
+def is_without_trial(session: PatientSession) -> bool:
+    """Whether a session that was measured here holds no accepted trial."""
+    here = all(f.format == "native" and not f.original_name for f in session.recordings)
+    return here and not tasks_of(session)
+
+
+def has_unable(session: PatientSession) -> bool:
+    """Whether the patient could not do some task, or may have been unable: summaries of older versions have no outcomes."""
+    events = (e for f in session.recordings for e in f.summary.get("events", []))
+    attempts = (e for e in events if e["trial_type"] == "annotation" and not e.get("phase"))
+    return any(e.get("outcome", "unable") == "unable" for e in attempts if e.get("task"))
+
+
 def begin(
     db: Session,
     store: Store,
@@ -293,4 +306,6 @@ def event_row(event: Event) -> dict[str, Any]:
         "duration": round(event.duration, 3),
         "task": event.details.get("task_name"),
     }
-    return row | ({"phase": event.details["phase"]} if event.details.get("phase") else {})
+    outcome = str(event.details.get("outcome") or "").partition(":")[0]  # without its reason
+    further = {"phase": event.details.get("phase"), "outcome": outcome}
+    return row | {name: value for name, value in further.items() if value}

@@ -10,6 +10,7 @@ import * as newSession from "../patient/new_session.js";
 import * as notes from "../patient/notes.js";
 import { makeRecord } from "../patient/record.js";
 import * as selfCalibrations from "../patient/self_calibrations.js";
+import * as notFinished from "../patient/unfinished.js";
 import * as photograph from "../patient/photograph.js";
 import { makeCourse } from "../progress/course.js";
 import * as glance from "../progress/glance.js";
@@ -44,11 +45,14 @@ export function mount(root, api, { id, go, title, roles }) {
       const aside = (
         treats ? [facts, notes, upload, measures, photograph, selfCalibrations, keeping] : [facts, measures, selfCalibrations]
       ).map(place);
-      const warning = h("div", {});
+      const [warning, running] = [h("div", {}), h("div", {})];
+      const runs = treats && patient.sessions.some(({ state }) => state === "open");
+      const stopRunning = runs ? notFinished.mount(running, api, patient.id).leave : () => {};
       banner(api, patient, () => go("/")).then((shown) => shown && warning.append(shown), box.show);
       const opened = openedInEmergency(patient.emergency_accesses);
       root.append(
         warning,
+        running,
         h(
           "div",
           { class: "head" },
@@ -78,6 +82,7 @@ export function mount(root, api, { id, go, title, roles }) {
       const unmount = assemble(api, shared, [...seen, ...main, ...aside]);
       leave = () => {
         stop();
+        stopRunning();
         unmount();
       };
     },

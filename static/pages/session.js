@@ -13,6 +13,7 @@ import * as downloads from "../session/downloads.js";
 import * as goals from "../session/goals.js";
 import * as headlines from "../session/headlines.js";
 import * as measures from "../session/measures.js";
+import * as notDone from "../session/not_done.js";
 import * as notes from "../session/notes.js";
 import { foldOnPhone } from "../session/phone_folds.js";
 import * as progress from "../session/progress.js";
@@ -30,7 +31,7 @@ import { clock, day, t, time } from "../words/words.js";
 
 export function mount(root, api, { id, go, title, roles }) {
   const box = errorBox();
-  const draft = {}; // notes and a date that are being typed while the session is processed and drawn anew
+  const draft = {}; // a date and a height that are being typed while the session is processed and drawn anew
   let [leave, gone] = [() => {}, false];
   const relayed = h("div", { hidden: true });
   root.append(box.element);
@@ -92,17 +93,16 @@ function draw(root, api, about) {
     [tapping, place("stack")],
     [measures, place("stack")],
   ];
-  const tasks = done ? [trials, compare, camera].map((part) => [part, place()]) : [];
-  const kept = [recordings, reprocess].map((part) => [part, place()]);
-  const hollow = treats && session.empty ? [[empty, place()]] : [];
+  const placed = (parts) => parts.filter(Boolean).map((part) => [part, place()]);
+  const [tasks, kept] = [placed(done ? [trials, compare, camera] : []), placed([recordings, reprocess])];
+  const first = placed([treats && session.empty && empty, done && result.readings.not_done.length > 0 && notDone]);
   const closed = session.recordings.some((recording) => recording.sha256);
-  const main = [...hollow, ...(done ? numbers : [[progress, place()]]), ...tasks, ...(closed ? kept : [])];
+  const main = [...first, ...(done ? numbers : [[progress, place()]]), ...tasks, ...(closed ? kept : [])];
   const typed = treats ? [notes, dating, closed && trunkHeight.worn(session) && trunkHeight] : [];
-  const read = done ? [goals, references] : [];
-  const aside = [...read, done && selfCalibrationGain, closed && selfCalibration, ...typed].filter(Boolean).map((part) => [part, place()]);
-  const [head, choice] = [done ? [[downloads, place("")]] : [], [[results, place("")]]];
+  const read = [done && goals, done && references, done && selfCalibrationGain, closed && selfCalibration];
+  const aside = placed([...read, ...typed]);
+  const [head, choice, other] = [done ? [[downloads, place("")]] : [], [[results, place("")]], session.other_hand];
   const [name, lead] = [h("h1", {}), h("p", { class: "soft" })];
-  const other = session.other_hand;
   const beside = other && h("a", { href: `/sessions/${other.session}` }, t(`session.other_hand.${other.hand}`));
   const heading = h("div", {}, trail(session), name, lead, beside);
   const tell = (now) => {
@@ -121,8 +121,8 @@ function draw(root, api, about) {
       h("div", { class: "stack" }, ...aside.map(([, place]) => place)),
     ),
   );
-  const leave = assemble(api, about, [...head, ...choice, ...main, ...aside]);
   const further = [...numbers, ...tasks, ...kept, ...aside].filter(([part]) => part !== quality && part !== headlines);
+  const leave = assemble(api, about, [...head, ...choice, ...main, ...aside]);
   if (done) foldOnPhone(further.map(([, place]) => place));
   return leave;
 }

@@ -1,5 +1,6 @@
 /** Notes on the patient, one by one with their day: added, corrected, removed and, with "Undo", brought back. */
 import { h } from "../dom.js";
+import { draftOf } from "../drafts.js";
 import { errorBox, onSubmit, once } from "../forms.js";
 import { dayAndTime, t } from "../words/words.js";
 
@@ -8,7 +9,9 @@ const LONGEST = 20000;
 export function mount(root, api, { record }) {
   const box = errorBox();
   const list = h("ol", { class: "notes" });
-  const text = h("textarea", { maxlength: LONGEST, "aria-label": t("notes.new") });
+  const draft = draftOf(`patient ${record.now.id}`);
+  const typed = () => (draft.typed = text.value);
+  const text = h("textarea", { value: draft.typed ?? "", maxlength: LONGEST, "aria-label": t("notes.new"), oninput: typed });
   const form = h(
     "form",
     {},
@@ -18,7 +21,7 @@ export function mount(root, api, { record }) {
   );
   onSubmit(form, box, async () => {
     const note = await api.post(`/api/patients/${record.now.id}/notes`, { text: text.value });
-    text.value = "";
+    draft.typed = text.value = "";
     list.prepend(one(api, note));
   });
   list.append(...record.now.notes.map((note) => one(api, note)));

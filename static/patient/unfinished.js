@@ -1,4 +1,4 @@
-/** Sessions that run or that somebody forgot to finish: said above the list of patients, with what to do. */
+/** Sessions that run or that somebody forgot to finish: said above the list of patients and on the patient's page, with what to do. */
 import { h } from "../dom.js";
 import { errorBox, once } from "../forms.js";
 import { dayAndTime, t } from "../words/words.js";
@@ -6,12 +6,13 @@ import { dayAndTime, t } from "../words/words.js";
 const REPAIR_MS = 3000; // between two looks at a repair
 const ELSEWHERE_MS = 15000; // at what another server records
 
-/** Gives what ends it, and when it has said so for the first time. */
-export function mount(root, api) {
+/** Of one patient, or of all; gives what ends it, and when it has said so for the first time. */
+export function mount(root, api, patient = null) {
   let gone = false;
   let timer = 0;
-  const show = (sessions) => {
+  const show = (all) => {
     if (gone) return;
+    const sessions = all.filter((session) => patient === null || session.patient.id === patient);
     root.replaceChildren(...sessions.map((session) => one(api, session, draw)));
     if (sessions.some((session) => session.repairing || session.reading)) again(REPAIR_MS);
     else if (sessions.some((session) => session.elsewhere)) again(ELSEWHERE_MS);

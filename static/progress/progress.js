@@ -58,7 +58,7 @@ export function mount(root, api, { record, course, treats }) {
     if (!views.includes(chosen.view)) chosen.view = views.includes(FIRST) || !beyond.length ? views[0] : partOf(beyond[0]);
     const shown = all.filter((series) => isIn(series, chosen.view));
     head.replaceChildren(choices(chosen, change, hands, views), ...(treats ? [printed(record.now.id, chosen.hand)] : []));
-    summary.replaceChildren(...summed(all, beyond, chosen, change, titles));
+    summary.replaceChildren(...summed(all, beyond, chosen, change, titles), ...unknownOf(all, shown, chosen));
     leave.forEach((unmount) => unmount());
     plots.className = "multiples";
     plots.replaceChildren();
@@ -103,6 +103,13 @@ function choices(chosen, change, hands, views) {
     one("view", views.map((view) => [view, known(`course.view.${view}`, known(`finger.${view}`, view))])), // prettier-ignore
     one("against", ["first", "before"].map((way) => [way, t(`course.against.${way}`)])), // prettier-ignore
   );
+}
+
+/** How many of the figures shown cannot be judged, where others are. */
+function unknownOf(all, shown, chosen) {
+  const unknown = (series) => judged(series, chosen).beyond === null;
+  const count = shown.filter(unknown).length;
+  return count && !all.every(unknown) ? [h("p", { class: "soft" }, counted("course.unknown", count, { all: shown.length }))] : [];
 }
 
 /** What is beyond measurement error, wherever it is; a press shows it. */

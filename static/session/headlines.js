@@ -30,14 +30,15 @@ export function mount(root, api, { session, result }) {
   return curve.unmount;
 }
 
-function tile({ label, value, against, change, beyond, wanted, verdict }, since) {
+function tile({ label, value, sd, grade, against, change, beyond, wanted, verdict }, since) {
   const sense = wanted && h("span", { class: "sense" }, t(`headlines.wanted.${wanted}`));
   const judged = verdict && h("span", { class: `badge ${verdict === "better" ? "good" : "bad"}` }, t(`headlines.${verdict}`));
   return h(
     "div",
     { class: `tile ${beyond ? "beyond" : ""}` },
     h("p", { class: "soft small" }, label, sense),
-    h("p", { class: "value" }, together(value)),
+    h("p", { class: "value" }, together(value), sd && h("small", { class: "soft" }, " ", together(sd))),
+    grade !== "good" && h("p", {}, h("span", { class: "badge warn" }, t("headlines.signal", { grade: t(`grade.${grade}`) }))),
     against.map((words) => h("p", { class: "small" }, together(words))),
     change && h("p", { class: "small judgement" }, together(t("headlines.since", { day: day(since), change })), " ", judged),
   );

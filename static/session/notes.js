@@ -1,12 +1,14 @@
-/** Conclusion, pain, notes and examiner of the session; printed in the report. What is typed stays when the page draws itself anew. */
+/** Conclusion, pain, notes and examiner of the session; printed in the report. */
 import { h } from "../dom.js";
+import { draftOf } from "../drafts.js";
 import { errorBox, field, onSubmit, once, select } from "../forms.js";
 import { sendChange } from "../patient/record.js";
 import { t } from "../words/words.js";
 
 const SCORES = [...Array(11).keys()].map((score) => [String(score), String(score)]); // numerical rating scale
 
-export function mount(root, api, { record, draft }) {
+export function mount(root, api, { record }) {
+  const draft = draftOf(`session ${record.now.id}`);
   const box = errorBox();
   const status = h("span", { class: "soft", role: "status" });
   const undo = h("button", { type: "button", hidden: true }, t("undo"));

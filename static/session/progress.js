@@ -11,8 +11,8 @@ export function mount(root, api, { session, result, reload }) {
   let timer = 0;
   if (session.state === "open") {
     root.append(
-      h("h2", {}, t("progress.open")),
-      h("p", {}, t("progress.open.next")),
+      h("h2", {}, t(session.saving ? "progress.saving" : "progress.open")),
+      h("p", { role: "status" }, t(session.saving ? "progress.saving.next" : "progress.open.next")),
       ...(session.station ? [h("a", { class: "button primary large", href: `/stations/${session.station}` }, t("progress.open.go"))] : []),
     );
     timer = session.station ? 0 : setTimeout(reload, PAUSE);

@@ -21,6 +21,7 @@ export function mount(root, api, { result }) {
     h("h2", {}, t("quality.title")),
     h("p", { class: `trust ${LOOK[answer]}` }, words),
     ...(reasons.length ? [list(reasons)] : []),
+    ...(readings.calibration?.joints ?? []).map((words) => h("p", {}, words)),
     ...(findings.length ? [h("h3", {}, t("quality.sensors")), list(findings.map(inWords))] : []),
     ...(todo.length ? [h("h3", {}, t("quality.todo")), list(todo)] : []),
     ...(others.length ? [folded(counted("recording_messages", others.length), list(others.map(inWords)))] : []),

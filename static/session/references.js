@@ -1,6 +1,6 @@
 /** What the figures are compared with: chosen when the result was made; another choice is a new version, the older ones stay. */
 import { h } from "../dom.js";
-import { errorBox, field, onSubmit, select } from "../forms.js";
+import { errorBox, field, onSubmit, once, select } from "../forms.js";
 import { dayAndTime, t } from "../words/words.js";
 
 export function mount(root, api, { session, result, go }) {
@@ -12,12 +12,25 @@ export function mount(root, api, { session, result, go }) {
   root.append(
     h("h2", {}, t("references.title")),
     h("ul", { class: "plain-list" }, h("li", {}, beforeWords(references.before)), h("li", {}, otherWords(references.other, other))),
+    ...(references.same_visit ? [newer(references.same_visit)] : []),
     h("p", { class: "hint" }, madeWords(references)),
     ...(references.versions.length > 1 ? [field(t("references.version"), versionChoice())] : []),
     h("div", { class: "buttons" }, change),
     place,
     box.element,
   );
+
+  /** The other hand was measured after this one: its result of the same visit is one press away. */
+  function newer({ result: theirs, started }) {
+    const compare = () => once(take, box, () => store(references.before?.result ?? null, theirs));
+    const take = h("button", { class: "clinicians", onclick: compare }, t("references.same_visit.take"));
+    return h("p", { class: "warning" }, t(`references.same_visit.${other}`, { moment: dayAndTime(started) }), " ", take);
+  }
+
+  async function store(before, across) {
+    await api.post(`/api/results/${result.id}/references`, { before, other: across });
+    show(null);
+  }
 
   function versionChoice() {
     const rows = references.versions.map((v) => [String(v.number), t("references.row", { number: v.number, moment: dayAndTime(v.made) })]);
@@ -53,10 +66,7 @@ export function mount(root, api, { session, result, go }) {
     const fields = [field(t("references.before"), before), field(t(`references.across.${other}`), across)];
     const form = h("form", {}, fields, send, h("p", { class: "hint" }, t("references.save.hint")));
     const chosen = (choice) => (choice.value ? Number(choice.value) : null);
-    onSubmit(form, box, async () => {
-      await api.post(`/api/results/${result.id}/references`, { before: chosen(before), other: chosen(across) });
-      show(null);
-    });
+    onSubmit(form, box, () => store(chosen(before), chosen(across)));
     place.replaceChildren(form);
   }
 

@@ -21,9 +21,9 @@ export function mount(root, api, { act, left, lacking, send, cancel }) {
   const form = h("form", { class: "question", novalidate: true });
   if (REASONS[act]) {
     const reason = h("input", { maxlength: 1000, autocomplete: "off", name: "reason" });
-    const ready = REASONS[act].map((name) =>
-      h("button", { type: "button", onclick: () => ((reason.value = t(`reason.${name}`)), reason.focus()) }, t(`reason.${name}`)),
-    );
+    const offered = new Map(REASONS[act].map((name) => [t(`reason.${name}`), name]));
+    const take = (words) => ((reason.value = words), reason.focus());
+    const ready = [...offered.keys()].map((words) => h("button", { type: "button", onclick: () => take(words) }, words));
     form.append(
       field(t(`${act}.why`), reason, t("skip.hint")),
       h("div", { class: "reasons" }, ready),
@@ -31,8 +31,9 @@ export function mount(root, api, { act, left, lacking, send, cancel }) {
       buttons(t(`${act}.send`)),
     );
     onSubmit(form, box, async () => {
-      if (!reason.value.trim()) throw new Error(t("skip.missing"));
-      await send(reason.value.trim());
+      const words = reason.value.trim();
+      if (!words) throw new Error(t("skip.missing"));
+      await send(offered.get(words) ?? words); // one that is offered by its name: reports say it in their language
     });
   } else if (act === "without") {
     form.append(h("p", {}, h("strong", {}, t("without.sure"))), h("p", {}, t("without.text")), box.element, buttons(t("without.send")));

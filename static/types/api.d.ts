@@ -455,6 +455,7 @@ export interface SessionAnswer {
   empty: boolean;
   geometry: Record<string, any>;
   station: string | null;
+  saving: boolean;
   other_hand: Record<string, any> | null;
   recordings: RecordingRow[];
 }

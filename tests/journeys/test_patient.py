@@ -199,7 +199,7 @@ def test_a_code_that_is_taken_is_refused_beside_the_form(page: Page) -> None:
     page.get_by_label("Patient code").fill("DEMO")
     page.get_by_role("button", name="Create patient").click()
     expect(page.locator("form .error")).to_have_text(
-        "there is already a patient 'DEMO'; choose another pseudonym"
+        "there is already a patient 'DEMO'; choose another code"
     )
 
 

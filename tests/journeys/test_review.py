@@ -63,6 +63,7 @@ def test_progress_appears_with_the_second_session_and_says_that_nothing_changed(
         shown(page.get_by_role("heading", name="Finger tapping"))
     page.goto(f"{server.base}/patients/{patient}")
     shown(page.get_by_text(re.compile(r"No change beyond measurement error in any of \d+ figures")))
+    shown(page.get_by_text(re.compile(r"Of the \d+ figures shown, \d+ cannot be judged")))
     rate = page.locator(".multiple").filter(
         has=page.get_by_role("heading", name="Rate", exact=True)
     )

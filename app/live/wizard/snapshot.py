@@ -126,7 +126,7 @@ def _group(w: Wizard, name: str, tasks: list[Protocol]) -> dict[str, Any]:
         "title": title or name.replace("_", " ").capitalize(),
         "planned": bool(title),
         "tasks": len(tasks),
-        "done": sum(bool(w.outcome(p.name)) for p in tasks),
+        "done": sum(w.outcome(p.name) == "accepted" for p in tasks),
     }
 
 

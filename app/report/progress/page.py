@@ -7,7 +7,8 @@ from typing import Any
 
 from handscope.app.language import Language
 from handscope.app.protocols import Protocol
-from handscope.app.report.change_words import amount, value_words
+from handscope.app.report.change_words import amount, size_words, value_words
+from handscope.app.report.changes import Change
 from handscope.app.report.progress.chart import Shown, course_chart
 from handscope.app.report.progress.labels import label
 from handscope.app.report.progress.series import Course, Progress, Series
@@ -48,7 +49,10 @@ def progress_page(
     repeated = [s for s in history.series if hand in s.hands and len(s.hands[hand].points) > 1]
     if not repeated:
         return None
-    beyond = [s for s in repeated if s.hands[hand].points[-1].since_first]
+    newest = [s.hands[hand].points[-1].since_first for s in repeated]
+    beyond = [s for s, judged in zip(repeated, newest) if judged]
+    unknown = newest.count(None)
+    count = len(repeated) - unknown
     important = [s for s in repeated if s.important]
     moved = [s for s in beyond if not s.important]
     charts = [_chart(s, hand, patient, language) for s in (*important, *moved)[:CHARTS]]
@@ -65,9 +69,16 @@ def progress_page(
             first=language.day(sessions[0].started),
             last=language.day(sessions[-1].started),
         ),
-        "verdict": language.counted("progress.verdict", len(beyond), all=f"{len(repeated)}")
-        if beyond
-        else language.counted("progress.none", len(repeated)),
+        "verdict": " ".join(
+            [
+                *(
+                    [language.counted("progress.verdict", len(beyond), all=f"{count}")]
+                    if beyond
+                    else [language.counted("progress.none", count)] * bool(count)
+                ),
+                *([language.counted("progress.unjudged", unknown)] if unknown else []),
+            ]
+        ),
         "charts": charts,
         "caption": say("progress.caption"),
         "sources": " ".join(sources),
@@ -110,7 +121,7 @@ def _chart(s: Series, hand: Hand, patient: Patient, language: Language) -> dict[
         "title": label(s.name, language),
         "task": _task(s, patient, language),
         "value": words["last"],
-        "verdict": _verdict(newest.since_first, language),
+        "verdict": _change(s, hand, language),
         "chart": course_chart(shown, language),
         "alt": language.counted("trends.alt", len(course.points), **words),
     }
@@ -133,7 +144,7 @@ def _row(s: Series, hand: Hand, patient: Patient, language: Language) -> list[st
         label(s.name, language),
         _worded(s, course.points[0].value, language),
         _worded(s, course.points[-1].value, language),
-        _verdict(course.points[-1].since_first, language, short=True),
+        _change(s, hand, language),
         amount(mdc, s.name, s.unit, language) if mdc is not None else "",
         language.say(
             "goals.range",
@@ -154,9 +165,16 @@ def _task(s: Series, patient: Patient, language: Language) -> str:
     return language.translate(protocol.title) if protocol else s.task.replace("_", " ")
 
 
-def _verdict(since_first: bool | None, language: Language, short: bool = False) -> str:
-    word = "unknown" if since_first is None else "beyond" if since_first else "within"
-    return language.say(f"progress.short.{word}" if short else f"progress.{word}")
+def _change(s: Series, hand: Hand, language: Language) -> str:
+    """Since the first session: direction, size, and whether it is more than measurement error."""
+    course = s.hands[hand]
+    first, newest = course.points[0], course.points[-1]
+    size = newest.value - first.value
+    judge = course.judge
+    change = Change(s.measure, s.task, s.name, size, s.unit, judge.mdc95, judge.basis, ())
+    beyond = newest.since_first
+    word = "unknown" if beyond is None else "beyond" if beyond else "within"
+    return f"{size_words(change, language)}, {language.say(f'progress.short.{word}')}"
 
 
 def _worded(s: Series, value: float, language: Language) -> str:

@@ -40,7 +40,10 @@ def _change_in_mdcs(key: Key, content: Content) -> float:
 
 
 def _tile(key: Key, found: Values, content: Content, language: Language) -> dict[str, Any]:
-    change = content.changes.of(key[1], key[2]) if content.changes else None
+    changes = content.changes
+    change = changes.of(key[1], key[2]) if changes else None
+    since = language.day(changes.since) if changes else ""
+    changed = size_words(change, language) if change else ""
     other = content.course.other if content.course else None
     theirs = other.values.get(key) if other else None
     side = language.say(f"other.{'right' if content.hand == 'left' else 'left'}")
@@ -50,7 +53,7 @@ def _tile(key: Key, found: Values, content: Content, language: Language) -> dict
         "task": language.translate(titles[key[1]]),
         "value": _words(key, *found[key], language),
         "other": language.labelled(side, _words(key, *theirs, language)) if theirs else "",
-        "change": size_words(change, language) if change else "",
+        "change": language.say("change.since", change=changed, day=since) if changed else "",
         "beyond": bool(change and change.beyond),
     }
 

@@ -164,13 +164,13 @@ def test_hand_measures_and_a_trunk_height_in_millimetres_are_refused(
 ) -> None:
     version = client.get(f"/api/patients/{patient}").json()["version"]
     high = client.patch(f"/api/patients/{patient}", json={"version": version, "trunk_height": 420})
-    assert (high.status_code, "0.1 to 0.7 m" in high.json()["error"]) == (422, True)
+    assert (high.status_code, "420000 mm" in high.json()["error"]) == (422, True)
     answer = client.patch(
         f"/api/patients/{patient}",
         json={"version": version, "hand_measures": {"left": {"hand_length": 181}}},
     )
     assert answer.status_code == 422
-    assert "give lengths in metres" in answer.json()["error"]
+    assert answer.json()["error"] == "hand length: 181000 mm is outside 50 to 300 mm"
 
 
 def test_a_patient_that_is_not_there_is_404(client: TestClient) -> None:

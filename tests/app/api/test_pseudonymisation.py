@@ -51,7 +51,11 @@ def test_no_address_shows_a_scientist_what_somebody_typed(
 def planted(client: TestClient) -> dict[str, int]:
     """A patient with the secret in every place for text, and the numbers of what belongs to it."""
     made = pose_and_wiggle("left")
-    typed = {"outcome": "could not", "reason": f"pain, says {SECRET}", "comment": SECRET}
+    typed = {
+        "outcome": f"unable: says {SECRET}",
+        "reason": f"pain, says {SECRET}",
+        "comment": SECRET,
+    }
     events = (
         *made.events,
         Event(1.0, 0.5, "annotation", typed),

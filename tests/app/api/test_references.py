@@ -129,3 +129,19 @@ def test_the_affected_hand_that_is_corrected_later_leaves_the_shares_as_they_wer
     changed = {"affected_hand": "right", "version": told["version"]}
     assert client.patch(f"/api/patients/{patient}", json=changed).status_code == 200
     assert share(client, left)[1].startswith("52")
+
+
+def test_the_other_hand_of_the_same_visit_is_offered_until_it_is_taken(
+    server: TestClient, client: TestClient, patient: int, measured: Measured
+) -> None:
+    measured(patient, "right", 250)
+    left, right = measured(patient, "left", 200), measured(patient, "right", 240)
+    with server.app.state.parts.store.database() as db:  # type: ignore[attr-defined]
+        mine, theirs = (db.get_one(Result, r).recording.session for r in (left, right))
+        theirs.continues_id = mine.id
+        db.commit()
+    found = client.get(f"/api/results/{left}?lean=true").json()["references"]
+    assert (found["other"]["result"] != right, found["same_visit"]["result"]) == (True, right)
+    client.post(f"/api/results/{left}/references", json={"before": None, "other": right})
+    found = client.get(f"/api/results/{left}?lean=true").json()["references"]
+    assert (found["other"]["result"], found["same_visit"]) == (right, None)

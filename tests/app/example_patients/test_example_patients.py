@@ -5,7 +5,7 @@ import time
 from argparse import Namespace
 from collections.abc import Iterator
 from dataclasses import replace
-from datetime import timedelta
+from datetime import UTC, datetime, timedelta
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from sqlalchemy import select
 
 from handscope.app.commands import demo
 from handscope.app.example_patients import patients, sessions
-from handscope.app.example_patients.recordings import PERFORMED
+from handscope.app.example_patients.recordings import PERFORMED, write
 from handscope.app.example_patients.stories import STORIES, Ability, between
 from handscope.app.language import languages
 from handscope.app.protocols import load_all
@@ -23,6 +23,7 @@ from handscope.app.results.report import report
 from handscope.sessions.clinic import pseudonyms
 from handscope.sessions.clinic.repeatability import values
 from handscope.sessions.db.tables import Patient, PatientSession, now
+from handscope.sessions.formats import recordings
 from handscope.sessions.store.store import Store, open_store
 
 TENDON = next(s for s in STORIES if "zone II" in s.code)
@@ -144,3 +145,10 @@ def test_stories_can_be_performed_and_tell_no_name() -> None:
 def test_abilities_are_mixed_with_those_of_a_hand_without_complaint() -> None:
     half = between(Ability(fist={"index_pip": 0.5}, lag={"index_pip": 20.0}), Ability(), 0.5)
     assert (half.fist, half.lag) == ({"index_pip": 0.75}, {"index_pip": 10.0})
+
+
+def test_a_simulated_recording_tells_its_day(tmp_path: Path) -> None:
+    started = datetime(2026, 5, 12, 8, 20, tzinfo=UTC)
+    write(Ability(), ("tapping",), "left", (0, 0), started, tmp_path / "r.zip")
+    told = recordings.load(tmp_path / "r.zip", "left").start_utc
+    assert told is not None and datetime.fromisoformat(told) == started

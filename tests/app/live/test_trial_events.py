@@ -3,6 +3,7 @@
 import threading
 from dataclasses import replace
 from math import radians
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -284,6 +285,7 @@ def test_leaving_the_server_waits_for_a_session_that_is_being_finished() -> None
     class Slow(Station):
         def __init__(self) -> None:
             self.name = "slow"
+            self.setup = SimpleNamespace(session=7)  # type: ignore[assignment]
 
         def __exit__(self, *_: object) -> None:
             ending.set()
@@ -297,11 +299,11 @@ def test_leaving_the_server_waits_for_a_session_that_is_being_finished() -> None
     leaving = threading.Thread(target=stations.__exit__, args=(None, None, None))
     leaving.start()
     leaving.join(0.2)
-    assert leaving.is_alive() and kept == []
+    assert leaving.is_alive() and kept == [] and stations.saves(7)
     ended.set()
     leaving.join(5.0)
     finishing.join(5.0)
-    assert not leaving.is_alive() and kept == ["slow"]
+    assert not leaving.is_alive() and kept == ["slow"] and not stations.saves(7)
 
 
 def test_fingertips_that_were_held_together_are_contacts_of_the_recording(

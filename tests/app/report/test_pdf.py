@@ -14,10 +14,11 @@ from pypdf import PdfReader
 from handscope.app.language import ENGLISH, Language, languages
 from handscope.app.protocols.plans import built_in, named
 from handscope.app.report import FORMS, Style
-from handscope.app.report.content import Content, GoalReading
+from handscope.app.report.content import Content, GoalReading, NotDone
 from handscope.app.report.html import html
 from handscope.app.report.page import Page, words_of
 from handscope.app.report.pdf import pdf
+from handscope.app.report.summary import not_done_row
 from handscope.estimators.data.samples import Event
 from handscope.estimators.measures import tapping
 from handscope.estimators.measures.assessment import assess
@@ -127,6 +128,8 @@ def test_a_session_without_an_accepted_task_says_so_and_why_tasks_were_not_done(
     assert "No task was accepted in this session, so there are no figures to report." in text
     assert "Not done: Finger tapping (skipped, Pain)." in text
     assert "Nicht gemacht: Fingertippen (ausgelassen, Pain)." in printed(pdf_(made, GERMAN))
+    missed = NotDone("phrase", "skipped", "no_time")  # of those that the page offers
+    assert not_done_row(missed, GERMAN)[1:] == ["ausgelassen", "Keine Zeit"]
 
 
 def test_a_whole_recording_without_tasks_is_said_to_be_one() -> None:

@@ -1,5 +1,6 @@
 """The result at one glance: value, other hand, norm and change in one tile; each joint's deficit as a level."""
 
+from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import pairwise
 
@@ -45,6 +46,14 @@ def test_a_tile_names_the_other_hands_session_the_norm_and_the_change() -> None:
     assert tile["against"][1].startswith("Reference value: 3.57 ± 0.87")
     assert (tile["change"], tile["beyond"]) == ("0.40 per s higher, within MDC", False)
     assert (tile["wanted"], tile["verdict"]) == ("more", "")
+    assert (tile["sd"], tile["grade"]) == ("± 0.001 per s", "good")
+
+
+def test_a_tile_of_several_trials_has_their_worst_signal_and_no_deviation_of_one() -> None:
+    trials = [RATE, replace(RATE, grade="fair"), RATE]
+    rows = [("tapping", "tapping", trial) for trial in trials]
+    (task,) = headlines(rows, {}, EN, None, None, None)
+    assert [(tile["sd"], tile["grade"]) for tile in task["tiles"]] == [("", "fair")]
 
 
 @pytest.mark.parametrize(

@@ -1,17 +1,23 @@
 """Can I trust these numbers: the answer follows from written rules."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import pytest
 
 from handscope.app.language import languages
+from handscope.app.protocols import load_all
 from handscope.app.results.leading_findings import faulty_sensors, leading_findings
-from handscope.app.results.result_view import readings
+from handscope.app.results.make import assess_result, page_content
+from handscope.app.results.result_view import calibration_payload, readings
 from handscope.app.results.trust import judge_trust, trust_payload
+from handscope.estimators.data.samples import Event
 from handscope.estimators.measures.figure import Figure, Grade
 from handscope.estimators.measures.resting_drift import Drift
 from handscope.estimators.messages import Message
 from handscope.estimators.messages.sentence import Sentence, phrase
+from handscope.sessions.db.tables import PatientSession, RecordingFile, Result
+from handscope.sessions.store.records import event_row
+from tests.app.report.simulated_sessions import session
 
 EN = languages()["en"]
 LOST, LIMIT = "samples lost on their way", phrase("flag.saturated")
@@ -77,6 +83,22 @@ def test_without_figures_the_answer_is_no() -> None:
     assert judge_trust([], True).answer == "no"
 
 
+def test_a_session_of_tasks_that_were_not_done_has_no_figures_and_says_which_and_why() -> None:
+    recording, processed, _ = session()
+    could_not = {"task_name": "rom_fist", "outcome": "unable: Pain"}
+    events = (Event(8.0, 0.0, "annotation", could_not),)
+    file = RecordingFile(format="native", summary={"events": [event_row(e) for e in events]})
+    result = Result(method="m2", recording=file)
+    file.session = PatientSession(hand="left")
+    rest = replace(recording, events=events)
+    assert assess_result(result, rest, processed) == []
+    told = readings(page_content(processed, [], rest), [], load_all(), EN)
+    assert told["not_done"] == [["Fist and stretch", "patient could not", "Pain"]]
+    assert told["trust"]["words"] == "No: nothing was measured."
+    file.original_name = "elsewhere.mcap"  # uploaded: all of it is measured
+    assert assess_result(result, rest, processed)
+
+
 def test_what_drifts_at_rest_is_told_with_its_size_and_what_to_do() -> None:
     drift = Drift("index", 30.0, 510.0, 0.0602, 0.0671, 9)
     told = trust_payload(judge_trust([("tapping", figure())], True, drifts=[drift]), {}, EN)
@@ -92,6 +114,16 @@ def test_a_hand_that_calibrated_itself_without_a_pose_is_calibrated(
     rows = [asdict(figure()) | {"task": "rom_spread", "measure": "range_of_motion"}]
     content = {"calibration": {"quality": {}, "source": "free"}, "self_calibration": found}
     assert readings(content, rows, {}, EN)["trust"]["answer"] == answer
+
+
+def test_joints_whose_calibration_is_fair_are_named() -> None:
+    recording, processed, _ = session()
+    (c, *_) = processed.calibrations
+    turned = {**c.quality, "index_middle": replace(c.quality["index_middle"], misalignment=0.3)}
+    made = replace(processed, calibrations=(replace(c, quality=turned),))
+    content = page_content(made, [], recording)
+    (words,) = calibration_payload(content["calibration"], EN)["joints"]
+    assert words == "Calibration by joint: fair at Index PIP; Index DIP."
 
 
 def test_what_was_not_tested_is_said_by_finger_and_changes_no_answer() -> None:

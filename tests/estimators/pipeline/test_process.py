@@ -60,7 +60,7 @@ def test_a_recording_whose_only_pose_is_bad_is_refused_with_its_fault() -> None:
 def test_a_recording_without_a_pose_is_refused_with_what_to_do() -> None:
     with pytest.raises(
         InputError,
-        match="no initial_pose event; record 3 s of it, or take one from another recording with --calibration",
+        match="no initial_pose event; record 3 s of it, or take that of another recording",
     ):
         process(m2, PARAMS, _without_pose(pose_and_wiggle("left")))
 

@@ -184,3 +184,18 @@ def test_an_empty_session_can_be_deleted_and_one_with_a_trial_cannot(store: Stor
     names = [p.name for p in (store.folder / "recordings").iterdir()]
     assert f"{patient}-0.mcap" not in names
     assert f"{patient}-1.mcap" in names
+
+
+@pytest.mark.parametrize(
+    ("outcome", "empty"),
+    [({"outcome": "unable"}, False), ({"outcome": "skipped"}, True), ({}, False)],
+)
+def test_a_session_whose_patient_could_not_do_the_task_is_not_empty(
+    store: Store, outcome: dict[str, str], empty: bool
+) -> None:
+    number = session_of(store, kept(store, "P-1", "Plum"), [])
+    with store.database() as db:
+        session = records.get(db, number)
+        event = {"trial_type": "annotation", "task": "rom_fist", **outcome}
+        session.recordings[0].summary = {"events": [event]}  # older versions stored no outcome
+        assert erasure.is_empty(session) is empty

@@ -36,6 +36,7 @@ from handscope.app.live.wizard.machine import (
     StationStatus,
     Wizard,
 )
+from handscope.app.live.wizard.snapshot import wizard_snapshot
 from handscope.app.protocols import groups, load_all, load_steps
 from handscope.estimators.alignment.quality import GRADES, LIMITS
 from handscope.estimators.hand.anatomy import FINGERS, SEGMENTS
@@ -202,6 +203,8 @@ def test_a_skipped_task_keeps_its_reason() -> None:
         "skipped",
         "skipped: pain",
     )
+    routine = wizard_snapshot(w, READY)["groups"][0]
+    assert (routine["name"], routine["done"]) == ("routine", 0)
 
 
 @pytest.mark.parametrize("state", [State.TASK_READY, State.TASK_PAUSED, State.TASK_REVIEW])

@@ -1,5 +1,6 @@
 """The progress report: important figures on the first page with goals and treatment, every figure after; a PDF in every language."""
 
+from dataclasses import replace
 from datetime import date
 
 import pytest
@@ -39,6 +40,7 @@ def test_the_first_page_shows_what_moved_with_goal_and_treatment(code: str) -> N
     ((title, (row,)),) = page["tasks"]
     assert title and page["has_goals"]
     assert row[1].startswith("60°") and row[4] == "12°" and "85°" in row[5]
+    assert "22°" in row[3] and "22°" in chart["verdict"]
     assert [line[0] for line in page["treatment"]] == ["1", "2"]
     made = pdf_of(page, LAYOUT, "a4", 0)
     assert made.startswith(b"%PDF")
@@ -46,3 +48,23 @@ def test_the_first_page_shows_what_moved_with_goal_and_treatment(code: str) -> N
 
 def test_a_hand_that_was_measured_once_has_no_report() -> None:
     assert progress_page(_history(), "right", PATIENT, languages()["en"]) is None
+
+
+def test_figures_of_unknown_measurement_error_are_counted_apart_and_changes_have_their_size() -> (
+    None
+):
+    found = _history()
+    (one,) = found.series
+    course = one.hands["left"]
+    points = [replace(point, since_first=None) for point in course.points]
+    unknown = {"left": replace(course, points=points, judge=replace(course.judge, mdc95=None))}
+    both = replace(found, series=(one, replace(one, hands=unknown)))
+    page = progress_page(both, "left", PATIENT, languages()["en"])
+    assert page is not None
+    assert page["verdict"] == (
+        "1 of 1 figures changed by more than measurement error since the first session. "
+        "1 figure cannot be judged: its measurement error is not known."
+    )
+    ((_, (row, other)),) = page["tasks"]
+    assert row[3] == "22° more, beyond measurement error"
+    assert other[3] == "22° more, measurement error not known"

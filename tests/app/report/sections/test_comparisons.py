@@ -122,7 +122,7 @@ def test_what_changed_most_is_read_first_and_named_in_short() -> None:
     page = words_of(replace(among(3), changes=changes), ENGLISH)
     first, *others = page["key_figures"]
     assert first["label"] == "Ring: total active motion (TAM)" and first["beyond"]
-    assert first["change"] == "5° lower"
+    assert first["change"] == "5° lower since 12 May 2026"
     assert "Rate" in {figure["label"] for figure in others}  # each measure in turn
     sentence = "1 of 2 figures changed by more than measurement error: Ring: total active motion (TAM) 5° lower."
     assert any(sentence in said for said in page["summary"])

@@ -1,0 +1,98 @@
+"""Parts of the page of a session: notes that are not saved, and where a session stands."""
+
+import pytest
+from playwright.sync_api import Browser
+
+from tests.app.pages.test_metronome_in_browser import SITE, serve
+
+pytestmark = pytest.mark.browser
+SESSION = '{ record: { now: { id: 7, notes: "", examiner: "", conclusion: "", pain_rest: null, pain_movement: null } } }'
+PATIENT = "{ record: { now: { id: 7, notes: [] } } }"
+TYPED = """async ([part, about]) => {
+  const { mount } = await import(`/static/${part}/notes.js`);
+  const asks = () => !dispatchEvent(new Event("beforeunload", { cancelable: true }));
+  const open = () => {
+    const place = document.createElement("section");
+    document.body.replaceChildren(place);
+    const leave = mount(place, {}, eval(`(${about})`));
+    return [place.querySelector("textarea"), leave];
+  };
+  const [text, leave] = open();
+  const before = asks();
+  text.value = "no pain";
+  text.dispatchEvent(new Event("input"));
+  leave();
+  return [before, open()[0].value, asks()];
+}"""
+
+
+@pytest.mark.parametrize(("part", "about"), [("session", SESSION), ("patient", PATIENT)])
+def test_unsaved_notes_stay_and_leaving_with_them_is_asked_about(
+    browser: Browser, part: str, about: str
+) -> None:
+    page = browser.new_page(locale="en")
+    page.route(f"{SITE}/**", serve)
+    page.goto(SITE)
+    assert page.evaluate(TYPED, [part, about]) == [False, "no pain", True]
+    page.close()
+
+
+STANDS = """async (saving) => {
+  const { mount } = await import("/static/session/progress.js");
+  const leave = mount(document.body, {}, { session: { state: "open", station: null, saving, recordings: [] }, reload: () => {} });
+  leave();
+  return document.querySelector("h2").textContent;
+}"""
+
+
+@pytest.mark.parametrize(
+    ("saving", "words"),
+    [(True, "Saving the recording…"), (False, "This session is still being recorded")],
+)
+def test_a_session_that_was_finished_is_being_saved(
+    browser: Browser, saving: bool, words: str
+) -> None:
+    page = browser.new_page(locale="en")
+    page.route(f"{SITE}/**", serve)
+    page.goto(SITE)
+    assert page.evaluate(STANDS, saving) == words
+    page.close()
+
+
+PRINTED = """() => {
+  document.body.innerHTML = `<header class="top"></header><main><div class="beside results"><div class="stack">
+    <section class="card"><button>Change</button><div class="plot"><div class="uplot"><div class="u-wrap" style="width: 1400px; height: 300px">
+    <canvas width="1400" height="300"></canvas></div></div></div><span class="key key-band"></span></section></div></div></main>`;
+  const [main, canvas] = ["main", "canvas"].map((part) => document.querySelector(part).getBoundingClientRect());
+  const shown = (part) => getComputedStyle(document.querySelector(part)).display !== "none";
+  return [shown(".top"), shown("button"), canvas.right <= main.right && canvas.width > 500, getComputedStyle(document.querySelector(".key")).printColorAdjust];
+}"""
+
+
+def test_the_printed_page_has_no_controls_whole_plots_and_the_marks_of_its_legend(
+    browser: Browser,
+) -> None:
+    page = browser.new_page(viewport={"width": 760, "height": 1000})
+    page.route(f"{SITE}/**", serve)
+    page.goto(SITE)
+    for style in ("style.css", "styles/frame.css", "styles/session.css"):
+        page.add_style_tag(url=f"{SITE}/static/{style}")
+    page.add_style_tag(content=".uplot canvas { display: block; width: 100%; height: 100%; }")
+    page.emulate_media(media="print")
+    assert page.evaluate(PRINTED) == [False, False, True, "exact"]
+    page.close()
+
+
+def test_a_long_code_without_spaces_stays_within_a_telephone(browser: Browser) -> None:
+    page = browser.new_page(viewport={"width": 390, "height": 844})
+    page.route(f"{SITE}/**", serve)
+    page.goto(SITE)
+    for style in ("style.css", "styles/frame.css", "styles/session.css"):
+        page.add_style_tag(url=f"{SITE}/static/{style}")
+    code = "Ä" * 64
+    page.evaluate(
+        f"""document.body.innerHTML = `<main><div class="head"><div><p class="trail"><a href="/">{code}</a></p><h1>{code}</h1></div></div>
+        <section class="card"><p>{code}</p><table class="rows"><tr><td><a href="/">{code}</a></td></tr></table></section></main>`"""
+    )
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.close()
