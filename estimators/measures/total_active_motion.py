@@ -3,7 +3,8 @@
 In      a trajectory and the stretch of time in which fist and stretch were made, at least once, all fingers together
 Out     per finger TAF, TAM, its share of the norm with the word of a grading scheme, extension deficit and hyperextension of every joint
 Source  ASSH: sum of active flexion of MCP, PIP and DIP in a fist less the sum of extension deficits with all stretched (HandLab Clinical Pearl 18, 2012);
-        TAF the first sum alone; thumb: MCP and IP (eatonhand.com clf217). The instants are ours: where the sum's running median is largest and smallest
+        TAF the first sum alone; thumb: MCP and IP (eatonhand.com clf217). The instants are ours: where the sum's running median is largest, and where
+        it is smallest after the first fist (asked_extension.py)
 Limits  hyperextension counts as zero and has a figure of its own; joints moved one by one give no TAM: AMA Guides Newsletter 7(3):8 has 16 % against 61 % for one hand
 """
 
@@ -24,11 +25,13 @@ from handscope.estimators.hand.anatomy import (
     SEGMENT,
 )
 from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.measures.asked_extension import asks_fist_and_stretch, first_fist_end
 from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds
 from handscope.estimators.measures.plot_data import NOTHING, PlotData
-from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
+from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest
 from handscope.estimators.measures.time_window import (
     grade_window,
+    least_from,
     running_median,
     task_samples,
     usable_samples,
@@ -165,10 +168,7 @@ class FingerMotion:
 
 def applies(task_name: str) -> bool:
     """Fists and stretches of all fingers together."""
-    words = words_of(task_name)
-    return bool(words & {"rom", "prom"} and words & {"fist", "composite", "hand"}) or bool(
-        words & {"tam", "composite"}
-    )
+    return asks_fist_and_stretch(task_name)
 
 
 def measure(
@@ -184,6 +184,7 @@ def measure(
     if len(part) < 3:
         return []
     window, found = window_length(part.t, params.hold), []
+    begin = first_fist_end(part, window)
     for finger in FINGERS:
         joints = [JOINT[j] for j in TAM_JOINTS[finger]]
         segments = [
@@ -193,7 +194,7 @@ def measure(
         total = running_median(angles.sum(axis=1), usable_samples(part, segments), window)
         if total is None:
             continue
-        fist, stretch = int(np.nanargmax(total)), int(np.nanargmin(total))
+        fist, stretch = int(np.nanargmax(total)), least_from(begin, total)
         kept = [running_median(a, usable_samples(part, segments), window) for a in angles.T]
         bent, straight = (
             {j: float(k[i]) for j, k in zip(TAM_JOINTS[finger], kept) if k is not None}
