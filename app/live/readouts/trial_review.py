@@ -197,19 +197,18 @@ def _with(figure: Figure, value: float) -> Figure:
 
 
 def _fingers(results: Sequence[TaskResult], curve: str) -> list[dict[str, Any]]:
-    """How far each finger's joint went: deg; empty for a task that is about one joint."""
-    names = [f"{what}_max" for what in same_joint(curve)]
-    found = {f.name: f for r in results for f in r.figures if f.name in names}
-    if len(found) < 2:
+    """How far each finger's joint went to its larger side, deg with its sign; empty for a task that is about one joint."""
+    values = {f.name: reading(f).value for r in results for f in r.figures if np.isfinite(f.value)}
+    furthest = {}
+    for what in same_joint(curve):
+        ends = [values[name] for end in ("max", "min") if (name := f"{what}_{end}") in values]
+        if ends:
+            furthest[what] = max(ends, key=abs)
+    if len(furthest) < 2:
         return []
     return [
-        {
-            "finger": n.split("_")[0],
-            "what": n.removesuffix("_max"),
-            "value": reading(found[n]).value,
-        }
-        for n in names
-        if n in found and np.isfinite(found[n].value)
+        {"finger": what.split("_")[0], "what": what, "value": value}
+        for what, value in furthest.items()
     ]
 
 

@@ -62,6 +62,16 @@ def test_a_fist_shows_all_four_fingers_three_figures_and_a_mark_a_movement(
     assert words is not None and words["figures"][0]["last"] == "57°"
 
 
+def test_of_fingers_that_are_spread_the_larger_excursion_is_shown_with_its_direction() -> None:
+    made = simulate(["rom_spread"], "left", sized("left"), np.random.default_rng(3), IDEAL)
+    blocks, trial = list(made.samples.values()), trial_of(made)
+    protocol, curve = PROTOCOLS["rom_spread"], PROTOCOLS["rom_spread"].curve
+    found = review(made.truth, blocks, protocol, curve, trial, sized("left"), NOTHING)
+    went = {f["finger"]: f["value"] for f in found["fingers"]}
+    assert went["index"] == pytest.approx(-17, abs=0.5)  # away from the middle finger
+    assert went["little"] == pytest.approx(40, abs=0.5)
+
+
 def test_contacts_are_no_movements_that_are_marked_and_counted(fist: Simulated) -> None:
     protocol = replace(PROTOCOLS["rom_fist"], group=PROTOCOLS["touch_table"].group)
     blocks, trial = list(fist.samples.values()), trial_of(fist)
