@@ -18,6 +18,7 @@ from handscope.app.live.wizard.machine import State, Wizard
 from handscope.app.protocols import CURVES, Protocol
 from handscope.app.report.change_words import value_words
 from handscope.app.report.progress.importance import HEADLINES
+from handscope.app.report.progress.labels import label
 from handscope.app.report.units import places_of, reading, signed
 from handscope.app.report.words import named
 from handscope.app.results.quantity_curve import value_of
@@ -223,19 +224,21 @@ def localised_review(review: Mapping[str, Any] | None, language: Language) -> di
 def _figure_words(f: Mapping[str, Any], language: Language) -> dict[str, Any]:
     figure = Figure(f["figure"], f["value"], f["unit"], "", part=f["part"], what=f["what"])
 
+    places = places_of(f["figure"], f["value"], f["unit"])
+
     def words(value: float | None) -> str | None:
         if value is None:
             return None
-        if value < 0 and f["unit"] == "deg":
+        if f["unit"] == "deg" and (value < 0 or f["end"]):
             return value_words(f["figure"], value, "deg", language)
-        places = places_of(f["figure"], f["value"], f["unit"])
         return signed(f["figure"], value, places, f["unit"], language)
 
+    sd = f["sd"] and signed(f["figure"], f["sd"], places, f["unit"], language)
     return {
-        "label": named(figure, language),
+        "label": label(f["figure"], language) if f["end"] else named(figure, language),
         "grade": f["grade"],
-        "end": f["end"],
-        **{name: words(f[name]) for name in ("value", "sd", "last", "other")},
+        "sd": sd,
+        **{name: words(f[name]) for name in ("value", "last", "other")},
     }
 
 

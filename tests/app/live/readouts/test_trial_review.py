@@ -113,7 +113,26 @@ def test_what_is_below_zero_is_said_in_words() -> None:
     ends = {"value": -7.0, "sd": None, "last": 4.0, "other": None}
     words = localised_review({"figures": [{**bent, **ends, "end": "min", "grade": "good"}]}, languages()["en"])  # fmt: skip
     assert words is not None
-    assert [words["figures"][0][name] for name in ("value", "last")] == ["7° hyperextension", "4°"]
+    assert [words["figures"][0][name] for name in ("value", "last")] == [
+        "7° hyperextension",
+        "4° extension deficit",
+    ]
+
+
+def test_a_range_names_its_joint_and_the_direction_of_each_end() -> None:
+    ends = {"flexion_max": 49.0, "flexion_min": -46.0, "deviation_min": -20.0}
+    rows = [
+        {"figure": f"wrist_{what}", "part": "wrist", "what": what, "unit": "deg", "value": value}
+        | {"sd": None, "last": None, "other": None, "grade": "good", "end": what[-3:]}
+        for what, value in ends.items()
+    ]
+    words = localised_review({"figures": rows}, languages()["en"])
+    assert words is not None
+    assert [(f["label"], f["value"]) for f in words["figures"]] == [
+        ("Wrist, flexion", "49°"),
+        ("Wrist, extension", "46°"),
+        ("Wrist, radial", "20°"),
+    ]
 
 
 def without_some(block: Block, share: float) -> Block:
