@@ -18,6 +18,7 @@ export function mount(root, api, { station, strip }) {
   const table = h("div", {});
   const frozen = h("div", { class: "frozen", hidden: true });
   let plot = null;
+  let asked = 0; // answers to what was asked before the last change come too late
   strip.append(frozen);
   root.append(wrong, table, again, box.element);
   root.hidden = true;
@@ -27,8 +28,9 @@ export function mount(root, api, { station, strip }) {
     async (number) => {
       drop();
       if (!number) return;
+      const mine = asked;
       const review = await api.get(path).catch(box.show);
-      if (review && station.latest.trial === number) show(review);
+      if (review && mine === asked) show(review);
     },
   );
   const drawAgain = whenChanged(
@@ -48,6 +50,7 @@ export function mount(root, api, { station, strip }) {
   }
 
   function drop() {
+    asked += 1;
     root.hidden = frozen.hidden = true;
     strip.classList.remove("reviewing");
     plot?.destroy();

@@ -69,3 +69,13 @@ def test_a_row_has_its_own_words_and_the_joint_stands_above_all_fingers(page: Pa
     expect(page.get_by_role("rowheader")).to_have_text(["Index PIP, flexion"])
     expect(page.locator(".frozen h3")).to_have_text("PIP: flexion and extension")
     expect(page.locator(".trial-review h3")).to_have_text("How far each finger went (PIP)")
+
+
+def test_a_review_that_is_asked_for_twice_is_drawn_once(page: Page) -> None:
+    """The review goes and comes while its first answer is still on its way."""
+    for trial in (1, 0, 1):
+        _tell(page, trial)
+    for number in (0, 1):
+        _answer(page, number)
+    expect(page.locator(".frozen .uplot")).to_have_count(1)
+    expect(page.locator(".frozen h3")).to_have_count(1)
