@@ -24,13 +24,17 @@ export function mount(root, api, { station, strip }) {
   root.hidden = true;
 
   const draw = whenChanged(
-    ({ trial }) => trial,
-    async (number) => {
+    ({ trial, wizard }) => [trial, wizard.state === "task_review"],
+    async ([number, isReviewed]) => {
       drop();
+      if (!isReviewed) return;
+      say(t("trial.checking"));
       if (!number) return;
       const mine = asked;
       const review = await api.get(path).catch(box.show);
-      if (review && mine === asked) show(review);
+      if (mine !== asked) return;
+      if (review) show(review);
+      else say(t("trial.unchecked"));
     },
   );
   const drawAgain = whenChanged(
@@ -41,8 +45,14 @@ export function mount(root, api, { station, strip }) {
     },
   );
 
+  /** In place of a review, as high as one, so that the buttons below keep their place. */
+  function say(words) {
+    root.hidden = false;
+    wrong.replaceChildren(h("p", { class: "soft" }, words));
+  }
+
   function show(review) {
-    root.hidden = frozen.hidden = false;
+    frozen.hidden = again.hidden = false;
     strip.classList.add("reviewing");
     wrong.replaceChildren(review.problem ? h("p", { class: "warning" }, problemWords(review.problem)) : good());
     table.replaceChildren(figures(review));
@@ -55,6 +65,8 @@ export function mount(root, api, { station, strip }) {
     strip.classList.remove("reviewing");
     plot?.destroy();
     plot = null;
+    again.hidden = true;
+    table.replaceChildren();
     frozen.replaceChildren();
   }
 

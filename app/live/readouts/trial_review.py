@@ -247,7 +247,7 @@ class TrialReview:
 
     def __init__(self, tracking: Tracking, geometry: HandGeometry, earlier: EarlierFigures) -> None:
         self._tracking, self._geometry, self._earlier = tracking, geometry, earlier
-        self.number = 0  # of the newest review that is there, 0: none
+        self.number = 0  # of the newest review that is there or could not be made, 0: none
         self._of: tuple[str, float, float] | None = None
         self._payload: dict[str, Any] | None = None
         self._count = 0
@@ -292,7 +292,7 @@ class TrialReview:
             found = review(rows, blocks, protocol, curve, stretch, self._geometry, self._earlier)
         except Exception:  # the trial can be kept without its review
             log.exception("a trial could not be reviewed")
-            return
+            found = None
         if self._of == trial:
             self._payload, self._count = found, self._count + 1
             self.number = self._count

@@ -79,3 +79,26 @@ def test_a_review_that_is_asked_for_twice_is_drawn_once(page: Page) -> None:
         _answer(page, number)
     expect(page.locator(".frozen .uplot")).to_have_count(1)
     expect(page.locator(".frozen h3")).to_have_count(1)
+
+
+def test_buttons_keep_their_place_while_a_trial_is_checked(page: Page) -> None:
+    button = page.get_by_role("button", name="Yes")
+    _tell(page, 0)
+    expect(page.get_by_text("Checking the trial…")).to_be_visible()
+    before = button.bounding_box()
+    _tell(page, 1)
+    _answer(page, 0)
+    expect(page.get_by_text("Nothing speaks against it")).to_be_visible()
+    assert button.bounding_box() == before
+
+
+def test_a_trial_that_could_not_be_checked_is_not_waited_for(page: Page) -> None:
+    _tell(page, 1)
+    page.wait_for_function("window.answers.length")
+    page.evaluate("window.answers[0](null)")
+    expect(page.get_by_text("This trial could not be checked")).to_be_visible()
+
+
+def test_nothing_is_checked_before_a_trial_ends(page: Page) -> None:
+    _tell(page, 0, "task_running")
+    expect(page.locator(".trial-review")).to_be_hidden()

@@ -1,14 +1,17 @@
 """Before a trial is kept: its figures beside earlier ones, every finger that counts, marks, and what was wrong with it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from handscope.app.language import languages
+from handscope.app.live.readouts import trial_review
 from handscope.app.live.readouts.trial_review import (
     LEAST,
     EarlierFigures,
+    TrialReview,
     localised_review,
     lost_heading,
     problem_of,
@@ -185,3 +188,20 @@ def test_a_movement_that_could_not_be_followed_is_said(fist: Simulated) -> None:
         blocks, PROTOCOLS["tapping"], "aperture", np.full(100, np.nan), (onset, end, ())
     )
     assert problem == {"kind": "unknown", "percent": 100}
+
+
+def test_a_review_that_fails_is_told_by_its_number(
+    fist: Simulated, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The page must not wait for it."""
+
+    def fail(*_: object) -> None:
+        raise RuntimeError("a bug")
+
+    monkeypatch.setattr(trial_review, "review", fail)
+    tracking = SimpleNamespace(past=lambda *_: fist.truth, samples=lambda _: [])
+    reviews = TrialReview(tracking, fist.geometry, NOTHING)  # type: ignore[arg-type]
+    onset, end, _ = trial_of(fist)
+    reviews._of = ("rom_fist", onset, end)
+    reviews._review(reviews._of, PROTOCOLS["rom_fist"], "index_pip_flexion", ())
+    assert (reviews.number, reviews.payload()) == (1, None)
