@@ -35,6 +35,7 @@ class Shown:
     mdc95: float | None
     goal: tuple[float, float] | None
     treatment: Mapping[int, date]  # days by the number in the list
+    falls: bool = False  # less of the value is more of what the figure is called, and further up
 
 
 def course_chart(shown: Shown, language: Language) -> str:
@@ -70,6 +71,7 @@ def course_chart(shown: Shown, language: Language) -> str:
             xlim=(left - air_x, last + air_x),
             ylim=(min(seen) - air, max(seen) + air),
         )
+        ax.yaxis.set_inverted(shown.falls)
         label_days(ax, last, (first, shown.own[-1][0]), language)
         return svg_of(figure)
 
