@@ -82,3 +82,32 @@ def test_more_extension_is_further_up(browser: Browser) -> None:
     page.close()
     sizes = [float(t["text"].rstrip("°")) for t in sorted(ticks, key=lambda one: one["y"])]
     assert len(sizes) >= 2 and sizes == sorted(sizes, reverse=True)
+
+
+FILLED = """() => {
+  window.filled = [];
+  const fills = CanvasRenderingContext2D.prototype.fillRect;
+  CanvasRenderingContext2D.prototype.fillRect = function (x, y, w, h) {
+    if (Math.abs(h) > 3) window.filled.push({ style: this.fillStyle, alpha: this.globalAlpha });
+    return fills.call(this, x, y, w, h);
+  };
+}"""
+
+
+def test_a_goal_is_seen_within_the_band_of_measurement_error(browser: Browser) -> None:
+    points = [[0, 40.0, None, None], [1, 60.0, True, True]]
+    hands = {"left": {"judge": 0, "points": points}}
+    goals = {"left": {"low": 42.0, "high": 48.0}}
+    series = {"reference": None, "finger": "", **BENT, "hands": hands, "goals": goals}
+    page = browser.new_page(locale="en")
+    page.route(f"{SITE}/**", serve)
+    page.goto(SITE)
+    page.add_style_tag(url=f"{SITE}/static/styles/session.css")
+    page.add_style_tag(content=":root { --good-soft: #e1f3e8; --surface-sunk: #eaeef2; }")
+    page.evaluate(FILLED)
+    page.evaluate(DRAW, [series, 12.0])
+    filled = page.evaluate("window.filled")
+    page.close()
+    band, goal = filled[:2]
+    assert (band["style"], goal["style"]) == ("#eaeef2", "#e1f3e8")
+    assert goal["alpha"] < 1  # so that the band is seen, too
