@@ -222,7 +222,7 @@ def finger_rows(
             [
                 language.known(f"finger.{part}", part),
                 _tam_words(tam, found, language),
-                f"{_words(share, share.value, language)} {language.translate(share.category)}",
+                f"{_words(share, share.value, language)} {language.translate(share.category)}".strip(),
                 share_words(share, task, language),
                 level_words(change, language) if change else "",
             ]

@@ -5,7 +5,8 @@ Out     per finger TAF, TAM, its share of the norm with the word of a grading sc
 Source  ASSH: sum of active flexion of MCP, PIP and DIP in a fist less the sum of extension deficits with all stretched (HandLab Clinical Pearl 18, 2012);
         TAF the first sum alone; thumb: MCP and IP (eatonhand.com clf217). The instants are ours: where the sum's running median is largest, and where
         it is smallest after the first fist (asked_extension.py)
-Limits  hyperextension counts as zero and has a figure of its own; joints moved one by one give no TAM: AMA Guides Newsletter 7(3):8 has 16 % against 61 % for one hand
+Limits  a fist does not ask for full flexion of the thumb: it has no word of a grading there, only where the task names it;
+        hyperextension counts as zero and has a figure of its own; joints moved one by one give no TAM: AMA Guides Newsletter 7(3):8 has 16 % against 61 % for one hand
 """
 
 from collections.abc import Mapping, Sequence
@@ -45,7 +46,7 @@ ASSH = phrase("figure_source.assh")
 EATONHAND = phrase("figure_source.eatonhand")
 STRICKLAND = phrase("figure_source.strickland")
 BURN = phrase("figure_source.burn")
-# thumb: the top of eatonhand's degrees
+# ASSH: 85 + 110 + 65; thumb: the top of eatonhand's degrees
 NORM = {"thumb": 140 * DEG} | dict.fromkeys(FINGERS[1:], 260 * DEG)
 TAM_JOINTS = {f: tuple(j for j in FINGER_JOINTS[f] if j != "thumb_cmc") for f in FINGERS}
 GRADINGS: Mapping[str, str] = {  # scheme and who says so
@@ -132,6 +133,7 @@ class FingerMotion:
     grade: Grade
     reason: str
     scheme: str = "assh"
+    graded: bool = True  # whether the task asked for all of the finger's flexion
 
     @property
     def deficits(self) -> dict[str, float]:
@@ -204,7 +206,14 @@ def measure(
         when = float(part.t[fist]), float(part.t[stretch])
         found.append(
             FingerMotion(
-                finger, bent, straight, *sds, *when, *grade_window(part, segments), params.grading
+                finger,
+                bent,
+                straight,
+                *sds,
+                *when,
+                *grade_window(part, segments),
+                params.grading,
+                finger != "thumb" or finger in asked.fingers(),
             )
         )
     return found
@@ -220,7 +229,11 @@ def figures(motions: list[FingerMotion]) -> list[Figure]:
         share_sd = None if sd is None else sd / norm
         made.append(
             KINDS["tam_share"].of(
-                m.tam / norm, share_sd, *graded, m.finger, grade_with_scheme(m.scheme, m)
+                m.tam / norm,
+                share_sd,
+                *graded,
+                m.finger,
+                grade_with_scheme(m.scheme, m) if m.graded else "",
             )
         )
         for joint in m.flexions:
@@ -294,13 +307,14 @@ def _regrade_share(
     m = FingerMotion(
         share.part, bent, extensions, {}, {}, 0.0, 0.0, share.grade, share.reason, scheme
     )
+    is_ungraded = share.part == "thumb" and not share.category  # where a kept result has no word
     scale = NORM[share.part] / (other_hand or NORM[share.part])
     sd = None if share.sd is None else share.sd * scale
     return replace(
         share,
         value=share.value * scale,
         sd=sd,
-        category=grade_with_scheme(scheme, m, other_hand),
+        category="" if is_ungraded else grade_with_scheme(scheme, m, other_hand),
         source=GRADINGS[scheme],
     )
 

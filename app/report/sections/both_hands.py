@@ -11,7 +11,9 @@ from handscope.app.report.progress.labels import label
 from handscope.app.report.words import moment_words
 from handscope.sessions.clinic.repeatability import Key, Values
 
-SHARE_OF = 1e-9  # SI: a figure of the other hand below it has no share, nor one in the other direction
+SHARE_OF = (
+    1e-9  # SI: a figure of the other hand below it has no share, nor one in the other direction
+)
 
 
 def both_hands_section(content: Content, language: Language) -> dict[str, Any] | None:

@@ -211,3 +211,20 @@ def test_strickland_leaves_the_mcp_joint_out() -> None:
 def test_an_unknown_grading_is_refused() -> None:
     with pytest.raises(InputError, match="gradings are assh"):
         grade_with_scheme("buck_gramcko", _motion(200))
+
+
+@pytest.mark.parametrize(
+    ("asked", "word"), [(FIST, ""), (TaskRequest("tam", {"fingers": ["thumb"]}), "poor")]
+)
+def test_a_thumb_is_graded_only_where_the_task_asks_for_it(asked: TaskRequest, word: str) -> None:
+    """A fist bends the long fingers as far as they go, the thumb as far as it has room."""
+    moved = _fist((30, 30), (0, 0), "thumb")
+    figures = total_active_motion.figures(
+        total_active_motion.measure(Params(), moved, 0, 4, asked=asked)
+    )
+    (share,) = [f for f in figures if f.name == "thumb_tam_share"]
+    assert (share.value, share.category) == (pytest.approx(60 / 140), word)
+    (again,) = [
+        f for f in total_active_motion.regrade(figures, "eatonhand") if f.name == share.name
+    ]
+    assert again.category == word
