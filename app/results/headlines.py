@@ -31,6 +31,7 @@ from handscope.app.report.units import (
 from handscope.app.report.words import flexion_words, joint_words, named
 from handscope.estimators.measures.figure import Figure
 from handscope.estimators.measures.range_of_motion import Range
+from handscope.estimators.measures.total_active_motion import TAM_JOINTS
 from handscope.sessions.clinic.references import Compared
 from handscope.sessions.clinic.repeatability import Key, measured_values
 
@@ -217,7 +218,7 @@ def _words(figure: Figure, value: float, language: Language) -> str:
 def finger_rows(
     section: Mapping[str, Any], tasks: Sequence[Task], language: Language, changes: Changes | None
 ) -> list[list[str]]:
-    """Total active motion a finger: finger, TAM, its share with the grading's word, of what it is one, the change."""
+    """Total active motion a finger: finger, TAM with the deficits that it has subtracted, its share with the grading's word, of what it is one, the change."""
     if section["measure"] != "total_active_motion":
         return []
     at = section["measure"], section["name"]
@@ -237,10 +238,26 @@ def finger_rows(
         rows.append(
             [
                 language.known(f"finger.{part}", part),
-                _words(tam, tam.value, language),
-                f"{_words(share, share.value, language)} {language.translate(share.category)}",
+                _tam_words(tam, found, language),
+                f"{_words(share, share.value, language)} {language.translate(share.category)}".strip(),
                 share_words(share, task, language),
                 level_words(change, language) if change else "",
             ]
         )
     return rows
+
+
+def _tam_words(tam: Figure, found: Mapping[tuple[str, str], Figure], language: Language) -> str:
+    """Total active motion of a finger with the extension deficits that it has subtracted, by joint; of a whole degree or more."""
+    deficits = {
+        j: d.value for j in TAM_JOINTS[tam.part] if (d := found.get((j, "extension_deficit")))
+    }
+    joints = [
+        f"{joint_words(j, language)[1]} {flexion_words(value, language)}"
+        for j, value in deficits.items()
+        if round(value * DEG) > 0
+    ]
+    words = _words(tam, tam.value, language)
+    if not joints:
+        return words
+    return language.say("tam.after_deficits", tam=words, joints=language.several(joints))

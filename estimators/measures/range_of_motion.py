@@ -1,23 +1,28 @@
 """Range of motion: the largest and smallest angle of every joint that was held, not a spike.
 
 In      a trajectory and the stretch of time of the task
-Out     for every freedom of every measured joint: largest and smallest angle, when, grade
+Out     for every freedom of every measured joint: largest and smallest angle, when, grade; the smallest flexion from when extension was asked for
+        (asked_extension.py), of a fist and stretch that of the stretch that gives the finger's total active motion
 Source  at least three repetitions, active or passive (VA worksheet DVBCHTF1); "held" as the running median over `hold`, so that a spike shorter than half of
         it changes nothing, at the ends of the task too, while a slow turning point loses little (1.2 % of the amplitude at 0.5 Hz with 0.2 s)
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from handscope.estimators.data.options import option
 from handscope.estimators.data.trajectory import Trajectory
-from handscope.estimators.hand.anatomy import ANGLES, JOINTS, SEGMENT
+from handscope.estimators.hand.anatomy import ANGLES, FLEXION, JOINTS, SEGMENT
 from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.measures import total_active_motion
+from handscope.estimators.measures.asked_extension import extension_begin
 from handscope.estimators.measures.figure import Figure, Grade, Kind, grade_of, kinds
 from handscope.estimators.measures.plot_data import NOTHING, PlotData
 from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
 from handscope.estimators.measures.time_window import (
+    least_from,
     running_median,
     task_samples,
     usable_samples,
@@ -98,7 +103,7 @@ def measure(
     if len(part) < 3:
         return []
     window = window_length(part.t, params.hold)
-    found = []
+    begin, found = extension_begin(part, window, asked), []
     for j, joint in enumerate(JOINTS):
         segments = [SEGMENT[joint.parent], SEGMENT[joint.child]]
         flags, usable = part.flags[:, segments], usable_samples(part, segments)
@@ -106,7 +111,7 @@ def measure(
             kept = running_median(part.angles[:, j, a], usable, window)
             if kept is None:
                 continue
-            high, low = int(np.nanargmax(kept)), int(np.nanargmin(kept))
+            high, low = int(np.nanargmax(kept)), least_from(begin if a == FLEXION else 0, kept)
             ends = (float(kept[high]), float(kept[low]), float(part.t[high]), float(part.t[low]))
             sds = (
                 (None, None)
@@ -114,7 +119,30 @@ def measure(
                 else (float(part.angles_sd[high, j, a]), float(part.angles_sd[low, j, a]))
             )
             found.append(Range(joint.name, ANGLES[a], *ends, *grade_of(flags), *sds))
-    return found
+    return list(_composite_extension(found, params, trajectory, onset, end, asked))
+
+
+def _composite_extension(
+    ranges: list[Range],
+    params: Params,
+    trajectory: Trajectory,
+    onset: float,
+    end: float,
+    asked: TaskRequest,
+) -> Iterator[Range]:
+    """Ranges of a fist and stretch with the extension of total active motion, so that a joint has one value; other tasks' as they are."""
+    found = {}
+    if total_active_motion.applies(asked.task):
+        tam = total_active_motion.Params(hold=params.hold)
+        for m in total_active_motion.measure(tam, trajectory, onset, end, asked=asked):
+            for joint, left in m.extensions.items():
+                found[joint] = (left, m.t_stretch, m.extension_sd.get(joint))
+    for r in ranges:
+        if r.angle == ANGLES[FLEXION] and r.joint in found:
+            left, t, sd = found[r.joint]
+            yield replace(r, smallest=left, t_smallest=t, sd_smallest=sd)
+        else:
+            yield r
 
 
 def figures(ranges: list[Range]) -> list[Figure]:

@@ -30,6 +30,12 @@ def running_median(values: Array, usable: np.ndarray, window: int) -> Array | No
     return median
 
 
+def least_from(begin: int, values: Array) -> int:
+    """Index of the smallest of values (n,) from `begin` on, of all where none is known there."""
+    first = begin if np.isfinite(values[begin:]).any() else 0
+    return first + int(np.nanargmin(values[first:]))
+
+
 def usable_samples(part: Trajectory, segments: list[int]) -> np.ndarray:
     """Which samples (n,) of these segments may be used."""
     return np.asarray(((part.flags[:, segments] & UNUSABLE) == 0).all(axis=1))

@@ -3,8 +3,10 @@
 In      a trajectory and the stretch of time in which fist and stretch were made, at least once, all fingers together
 Out     per finger TAF, TAM, its share of the norm with the word of a grading scheme, extension deficit and hyperextension of every joint
 Source  ASSH: sum of active flexion of MCP, PIP and DIP in a fist less the sum of extension deficits with all stretched (HandLab Clinical Pearl 18, 2012);
-        TAF the first sum alone; thumb: MCP and IP (eatonhand.com clf217). The instants are ours: where the sum's running median is largest and smallest
-Limits  hyperextension counts as zero and has a figure of its own; joints moved one by one give no TAM: AMA Guides Newsletter 7(3):8 has 16 % against 61 % for one hand
+        TAF the first sum alone; thumb: MCP and IP (eatonhand.com clf217). The instants are ours: where the sum's running median is largest, and where
+        it is smallest after the first fist (asked_extension.py)
+Limits  a fist does not ask for full flexion of the thumb: it has no word of a grading there, only where the task names it;
+        hyperextension counts as zero and has a figure of its own; joints moved one by one give no TAM: AMA Guides Newsletter 7(3):8 has 16 % against 61 % for one hand
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,11 +26,13 @@ from handscope.estimators.hand.anatomy import (
     SEGMENT,
 )
 from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.measures.asked_extension import asks_fist_and_stretch, first_fist_end
 from handscope.estimators.measures.figure import Figure, Grade, Kind, kinds
 from handscope.estimators.measures.plot_data import NOTHING, PlotData
-from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest, words_of
+from handscope.estimators.measures.task_request import UNKNOWN, TaskRequest
 from handscope.estimators.measures.time_window import (
     grade_window,
+    least_from,
     running_median,
     task_samples,
     usable_samples,
@@ -42,7 +46,7 @@ ASSH = phrase("figure_source.assh")
 EATONHAND = phrase("figure_source.eatonhand")
 STRICKLAND = phrase("figure_source.strickland")
 BURN = phrase("figure_source.burn")
-# thumb: the top of eatonhand's degrees
+# ASSH: 85 + 110 + 65; thumb: the top of eatonhand's degrees
 NORM = {"thumb": 140 * DEG} | dict.fromkeys(FINGERS[1:], 260 * DEG)
 TAM_JOINTS = {f: tuple(j for j in FINGER_JOINTS[f] if j != "thumb_cmc") for f in FINGERS}
 GRADINGS: Mapping[str, str] = {  # scheme and who says so
@@ -129,6 +133,7 @@ class FingerMotion:
     grade: Grade
     reason: str
     scheme: str = "assh"
+    graded: bool = True  # whether the task asked for all of the finger's flexion
 
     @property
     def deficits(self) -> dict[str, float]:
@@ -165,10 +170,7 @@ class FingerMotion:
 
 def applies(task_name: str) -> bool:
     """Fists and stretches of all fingers together."""
-    words = words_of(task_name)
-    return bool(words & {"rom", "prom"} and words & {"fist", "composite", "hand"}) or bool(
-        words & {"tam", "composite"}
-    )
+    return asks_fist_and_stretch(task_name)
 
 
 def measure(
@@ -184,6 +186,7 @@ def measure(
     if len(part) < 3:
         return []
     window, found = window_length(part.t, params.hold), []
+    begin = first_fist_end(part, window)
     for finger in FINGERS:
         joints = [JOINT[j] for j in TAM_JOINTS[finger]]
         segments = [
@@ -193,7 +196,7 @@ def measure(
         total = running_median(angles.sum(axis=1), usable_samples(part, segments), window)
         if total is None:
             continue
-        fist, stretch = int(np.nanargmax(total)), int(np.nanargmin(total))
+        fist, stretch = int(np.nanargmax(total)), least_from(begin, total)
         kept = [running_median(a, usable_samples(part, segments), window) for a in angles.T]
         bent, straight = (
             {j: float(k[i]) for j, k in zip(TAM_JOINTS[finger], kept) if k is not None}
@@ -203,7 +206,14 @@ def measure(
         when = float(part.t[fist]), float(part.t[stretch])
         found.append(
             FingerMotion(
-                finger, bent, straight, *sds, *when, *grade_window(part, segments), params.grading
+                finger,
+                bent,
+                straight,
+                *sds,
+                *when,
+                *grade_window(part, segments),
+                params.grading,
+                finger != "thumb" or finger in asked.fingers(),
             )
         )
     return found
@@ -219,7 +229,11 @@ def figures(motions: list[FingerMotion]) -> list[Figure]:
         share_sd = None if sd is None else sd / norm
         made.append(
             KINDS["tam_share"].of(
-                m.tam / norm, share_sd, *graded, m.finger, grade_with_scheme(m.scheme, m)
+                m.tam / norm,
+                share_sd,
+                *graded,
+                m.finger,
+                grade_with_scheme(m.scheme, m) if m.graded else "",
             )
         )
         for joint in m.flexions:
@@ -293,13 +307,14 @@ def _regrade_share(
     m = FingerMotion(
         share.part, bent, extensions, {}, {}, 0.0, 0.0, share.grade, share.reason, scheme
     )
+    is_ungraded = share.part == "thumb" and not share.category  # where a kept result has no word
     scale = NORM[share.part] / (other_hand or NORM[share.part])
     sd = None if share.sd is None else share.sd * scale
     return replace(
         share,
         value=share.value * scale,
         sd=sd,
-        category=grade_with_scheme(scheme, m, other_hand),
+        category="" if is_ungraded else grade_with_scheme(scheme, m, other_hand),
         source=GRADINGS[scheme],
     )
 

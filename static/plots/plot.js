@@ -21,6 +21,7 @@ import { widening } from "./axis_width.js";
  * wanted.right    px beside the plot, where labels are long
  * wanted.air      least room beyond the data, of their unit (2)
  * wanted.low, high  values that stay in sight; then zero need not be
+ * wanted.falls   less of the value is further up
  * wanted.pressed  (x) => a press at x
  */
 export function makePlot(root, wanted) {
@@ -80,7 +81,7 @@ function optionsOf(wanted, root) {
     cursor: { show: false },
     scales: {
       x: { time: false, range: (u, low, high) => xRange(wanted, low, high) },
-      y: { range: (u, low, high) => yRange(wanted, low, high) },
+      y: { dir: wanted.falls ? -1 : 1, range: (u, low, high) => yRange(wanted, low, high) },
     },
     axes: [
       { ...axis, size: 30, ...incrs(wanted.xSteps), values: (u, ticks) => wanted.xTicks?.(ticks) ?? ticks.map(wanted.xWords ?? plain) },

@@ -64,6 +64,7 @@ export function drawSmall(root, payload, series, chosen, { aim, task }) {
     right: 24,
     low: Math.min(...seen),
     high: Math.max(...seen),
+    falls: series.end === "smallest", // more extension is less of the angle
     under: (drawn) => under(drawn, { band, reference, goal, events }),
     drawn: (drawn) => marks(drawn, own, chosen),
   });

@@ -2,19 +2,20 @@
 import { drawBand } from "../plots/band.js";
 import { colour } from "../plots/plot.js";
 
+const OVER = 0.7; // of the goal's colour, so that the band below it is seen
 const NEAR = 18; // px between two treatments from which each has its number
 
-/** The goal, the band of measurement error from its session on, the reference, and treatment as numbered lines. */
+/** The band of measurement error from its session on, the goal over it, the reference, and treatment as numbered lines. */
 export function under(drawn, { band, reference, goal, events }) {
   const { ctx, bbox } = drawn;
   const y = (value) => drawn.valToPos(value, "y", true);
   ctx.save();
-  if (goal) drawBand(drawn, goal);
   if (band) {
     const from = Math.max(bbox.left, drawn.valToPos(band.from, "x", true) - 6 * devicePixelRatio);
     ctx.fillStyle = colour("--surface-sunk");
     ctx.fillRect(from, y(band.high), bbox.left + bbox.width - from, y(band.low) - y(band.high));
   }
+  if (goal) drawBand(drawn, goal, OVER);
   if (reference !== undefined) {
     ctx.strokeStyle = colour("--ink-soft");
     ctx.lineWidth = 1.5 * devicePixelRatio;

@@ -4,7 +4,7 @@ import { errorBox, once } from "../forms.js";
 import { LINES } from "../plots/curve_sets.js";
 import { legend } from "../plots/legend.js";
 import { colour, makePlot } from "../plots/plot.js";
-import { curveWords, distinctWords, segmentWords, valueWords } from "../words/clinical.js";
+import { curveWords, distinctWords, jointName, sameJointWords, segmentWords, valueWords } from "../words/clinical.js";
 import { counted, t } from "../words/words.js";
 
 const FLEXION = /_flexion$/; // of whose values above zero the heading says enough
@@ -18,17 +18,23 @@ export function mount(root, api, { station, strip }) {
   const table = h("div", {});
   const frozen = h("div", { class: "frozen", hidden: true });
   let plot = null;
+  let asked = 0; // answers to what was asked before the last change come too late
   strip.append(frozen);
   root.append(wrong, table, again, box.element);
   root.hidden = true;
 
   const draw = whenChanged(
-    ({ trial }) => trial,
-    async (number) => {
+    ({ trial, wizard }) => [trial, wizard.state === "task_review"],
+    async ([number, isReviewed]) => {
       drop();
+      if (!isReviewed) return;
+      say(t("trial.checking"));
       if (!number) return;
+      const mine = asked;
       const review = await api.get(path).catch(box.show);
-      if (review && station.latest.trial === number) show(review);
+      if (mine !== asked) return;
+      if (review) show(review);
+      else say(t("trial.unchecked"));
     },
   );
   const drawAgain = whenChanged(
@@ -39,8 +45,14 @@ export function mount(root, api, { station, strip }) {
     },
   );
 
+  /** In place of a review, as high as one, so that the buttons below keep their place. */
+  function say(words) {
+    root.hidden = false;
+    wrong.replaceChildren(h("p", { class: "soft" }, words));
+  }
+
   function show(review) {
-    root.hidden = frozen.hidden = false;
+    frozen.hidden = again.hidden = false;
     strip.classList.add("reviewing");
     wrong.replaceChildren(review.problem ? h("p", { class: "warning" }, problemWords(review.problem)) : good());
     table.replaceChildren(figures(review));
@@ -48,10 +60,13 @@ export function mount(root, api, { station, strip }) {
   }
 
   function drop() {
+    asked += 1;
     root.hidden = frozen.hidden = true;
     strip.classList.remove("reviewing");
     plot?.destroy();
     plot = null;
+    again.hidden = true;
+    table.replaceChildren();
     frozen.replaceChildren();
   }
 
@@ -78,8 +93,7 @@ function figures({ figures: rows, fingers }) {
   const shown = COLUMNS.filter((name) => name === "now" || rows.some((row) => row[name] !== null));
   const head = h("tr", {}, h("td", {}), shown.map((name) => h("th", { scope: "col" }, t(`trial.${name}`))));
   const cell = (row, name) => h("td", {}, (name === "now" ? row.value : row[name]) ?? t("trial.none"));
-  const label = (row) => h("th", { scope: "row" }, row.end ? t(`trial.${row.end}`) : row.label);
-  const body = rows.map((row) => h("tr", {}, label(row), shown.map((name) => cell(row, name))));
+  const body = rows.map((row) => h("tr", {}, h("th", { scope: "row" }, row.label), shown.map((name) => cell(row, name))));
   const size = (what, value) => (value > 0 && FLEXION.test(what) ? `${Math.round(value)}°` : valueWords(what, value));
   const far = ({ finger, what, value }) => h("div", {}, h("dt", {}, t(`finger.${finger}`)), h("dd", {}, size(what, value)));
   const furthest = fingers.map(far);
@@ -87,7 +101,7 @@ function figures({ figures: rows, fingers }) {
     "div",
     {},
     rows.length > 0 && h("table", { class: "compact" }, h("thead", {}, head), h("tbody", {}, body)),
-    furthest.length > 0 && h("h3", {}, t("trial.fingers")),
+    furthest.length > 0 && h("h3", {}, t("trial.fingers", { joint: jointName(fingers[0].what) })),
     furthest.length > 0 && h("dl", { class: "furthest" }, furthest),
   );
 }
@@ -95,14 +109,15 @@ function figures({ figures: rows, fingers }) {
 function drawCurves(root, { t: times, curves, curve, marks, onset }) {
   const place = h("div", {});
   const every = curves.map(({ what }) => what);
+  const heading = every.length > 1 ? sameJointWords(curve) : curveWords(curve);
   const within = (moment) => moment - onset; // so that seconds with a tick are whole
   root.append(
-    h("h3", {}, curveWords(curve)),
+    h("h3", {}, heading),
     h("div", { class: "plot-box" }, place),
     every.length > 1 ? legend(every.map((what) => distinctWords(what, every))) : "",
   );
   const plot = makePlot(place, {
-    label: t("trial.curve", { curve: curveWords(curve) }),
+    label: t("trial.curve", { curve: heading }),
     lines: every.map((_, k) => LINES[k % LINES.length]),
     words: (value) => valueWords(curve, value),
     xWords: (at) => t("trial.seconds", { at }),

@@ -69,6 +69,17 @@ export function curveWords(what) {
   return t("curve.angle", { joint: `${words.finger} ${words.joint}`.trim(), motion: motionWords(joint, angle) });
 }
 
+/** The joint alone of an angle such as index_pip_flexion: "PIP". */
+export function jointName(what) {
+  return jointWords(partsOf(what).joint).joint;
+}
+
+/** The name of a curve that stands for the same joint of several fingers. */
+export function sameJointWords(what) {
+  const { joint, angle } = partsOf(what);
+  return t("curve.angle", { joint: jointName(what), motion: motionWords(joint, angle) });
+}
+
 /** What tells a curve from the others beside it: the finger, the joint, or the motion. */
 export function distinctWords(what, all) {
   const parts = all.map(partsOf);

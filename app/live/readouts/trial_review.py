@@ -18,6 +18,7 @@ from handscope.app.live.wizard.machine import State, Wizard
 from handscope.app.protocols import CURVES, Protocol
 from handscope.app.report.change_words import value_words
 from handscope.app.report.progress.importance import HEADLINES
+from handscope.app.report.progress.labels import label
 from handscope.app.report.units import places_of, reading, signed
 from handscope.app.report.words import named
 from handscope.app.results.quantity_curve import value_of
@@ -197,19 +198,18 @@ def _with(figure: Figure, value: float) -> Figure:
 
 
 def _fingers(results: Sequence[TaskResult], curve: str) -> list[dict[str, Any]]:
-    """How far each finger's joint went: deg; empty for a task that is about one joint."""
-    names = [f"{what}_max" for what in same_joint(curve)]
-    found = {f.name: f for r in results for f in r.figures if f.name in names}
-    if len(found) < 2:
+    """How far each finger's joint went to its larger side, deg with its sign; empty for a task that is about one joint."""
+    values = {f.name: reading(f).value for r in results for f in r.figures if np.isfinite(f.value)}
+    furthest = {}
+    for what in same_joint(curve):
+        ends = [values[name] for end in ("max", "min") if (name := f"{what}_{end}") in values]
+        if ends:
+            furthest[what] = max(ends, key=abs)
+    if len(furthest) < 2:
         return []
     return [
-        {
-            "finger": n.split("_")[0],
-            "what": n.removesuffix("_max"),
-            "value": reading(found[n]).value,
-        }
-        for n in names
-        if n in found and np.isfinite(found[n].value)
+        {"finger": what.split("_")[0], "what": what, "value": value}
+        for what, value in furthest.items()
     ]
 
 
@@ -224,19 +224,21 @@ def localised_review(review: Mapping[str, Any] | None, language: Language) -> di
 def _figure_words(f: Mapping[str, Any], language: Language) -> dict[str, Any]:
     figure = Figure(f["figure"], f["value"], f["unit"], "", part=f["part"], what=f["what"])
 
+    places = places_of(f["figure"], f["value"], f["unit"])
+
     def words(value: float | None) -> str | None:
         if value is None:
             return None
-        if value < 0 and f["unit"] == "deg":
+        if f["unit"] == "deg" and (value < 0 or f["end"]):
             return value_words(f["figure"], value, "deg", language)
-        places = places_of(f["figure"], f["value"], f["unit"])
         return signed(f["figure"], value, places, f["unit"], language)
 
+    sd = f["sd"] and signed(f["figure"], f["sd"], places, f["unit"], language)
     return {
-        "label": named(figure, language),
+        "label": label(f["figure"], language) if f["end"] else named(figure, language),
         "grade": f["grade"],
-        "end": f["end"],
-        **{name: words(f[name]) for name in ("value", "sd", "last", "other")},
+        "sd": sd,
+        **{name: words(f[name]) for name in ("value", "last", "other")},
     }
 
 
@@ -245,7 +247,7 @@ class TrialReview:
 
     def __init__(self, tracking: Tracking, geometry: HandGeometry, earlier: EarlierFigures) -> None:
         self._tracking, self._geometry, self._earlier = tracking, geometry, earlier
-        self.number = 0  # of the newest review that is there, 0: none
+        self.number = 0  # of the newest review that is there or could not be made, 0: none
         self._of: tuple[str, float, float] | None = None
         self._payload: dict[str, Any] | None = None
         self._count = 0
@@ -290,7 +292,7 @@ class TrialReview:
             found = review(rows, blocks, protocol, curve, stretch, self._geometry, self._earlier)
         except Exception:  # the trial can be kept without its review
             log.exception("a trial could not be reviewed")
-            return
+            found = None
         if self._of == trial:
             self._payload, self._count = found, self._count + 1
             self.number = self._count

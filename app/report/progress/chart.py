@@ -35,6 +35,7 @@ class Shown:
     mdc95: float | None
     goal: tuple[float, float] | None
     treatment: Mapping[int, date]  # days by the number in the list
+    falls: bool = False  # less of the value is more of what the figure is called, and further up
 
 
 def course_chart(shown: Shown, language: Language) -> str:
@@ -52,10 +53,10 @@ def course_chart(shown: Shown, language: Language) -> str:
     with drawing():
         figure = Figure(figsize=(WIDTH / 72, HEIGHT / 72))
         ax = axes_at(figure, 24, 13, WIDTH - 30, HEIGHT - 26, WIDTH, HEIGHT)
-        if shown.goal:
-            ax.axhspan(*shown.goal, color=GOAL, lw=0, zorder=0)
         if shown.mdc95 is not None:
-            ax.axhspan(base - half, base + half, color=BAND, lw=0, zorder=0.2, alpha=0.8)
+            ax.axhspan(base - half, base + half, color=BAND, lw=0, zorder=0)
+        if shown.goal:
+            ax.axhspan(*shown.goal, color=GOAL, lw=0, zorder=0.2, alpha=0.8)
         left = min([0.0, *lines.values()])
         _draw_treatment(ax, lines, last - left)
         for points, style in ((shown.other, "--"), (shown.own, "-")):
@@ -70,6 +71,7 @@ def course_chart(shown: Shown, language: Language) -> str:
             xlim=(left - air_x, last + air_x),
             ylim=(min(seen) - air, max(seen) + air),
         )
+        ax.yaxis.set_inverted(shown.falls)
         label_days(ax, last, (first, shown.own[-1][0]), language)
         return svg_of(figure)
 

@@ -111,6 +111,7 @@ def _chart(s: Series, hand: Hand, patient: Patient, language: Language) -> dict[
         course.judge.mdc95,
         patient.goals.get((hand, (s.measure, s.task, s.name))),
         {n: t.day for n, t in enumerate(patient.treatment, 1) if t.hand in (hand, "both")},
+        s.end == "smallest",
     )
     first, newest = course.points[0], course.points[-1]
     words = {

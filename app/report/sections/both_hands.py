@@ -3,7 +3,7 @@
 from typing import Any
 
 from handscope.app.language import Language
-from handscope.app.report.change_words import amount
+from handscope.app.report.change_words import value_words
 from handscope.app.report.changes import read_as
 from handscope.app.report.content import Content
 from handscope.app.report.progress.importance import rank
@@ -11,7 +11,9 @@ from handscope.app.report.progress.labels import label
 from handscope.app.report.words import moment_words
 from handscope.sessions.clinic.repeatability import Key, Values
 
-SHARE_OF = 1e-9  # SI: a figure of the other hand below it has no share
+SHARE_OF = (
+    1e-9  # SI: a figure of the other hand below it has no share, nor one in the other direction
+)
 
 
 def both_hands_section(content: Content, language: Language) -> dict[str, Any] | None:
@@ -63,7 +65,8 @@ def _other_hand(content: Content, language: Language) -> tuple[Values, str] | No
 def _row(key: Key, own: Values, other: Values, language: Language) -> list[str]:
     """Figure, this hand, the other one, and this hand's share of it."""
     read = [read_as(key, *values[key]) for values in (own, other)]
-    words = [amount(value, key[2], unit, language) for value, unit in read]
+    words = [value_words(key[2], value, unit, language) for value, unit in read]
     (mine, _), (theirs, _) = read
-    share = f"{language.number(100 * mine / theirs)} %" if abs(theirs) > SHARE_OF else "–"
+    has_share = abs(theirs) > SHARE_OF and mine * theirs >= 0
+    share = f"{language.number(100 * mine / theirs)} %" if has_share else "–"
     return [label(key[2], language), *words, share]

@@ -32,6 +32,7 @@ from handscope.estimators.measures.total_active_motion import NORM
 Section = dict[str, Any]
 OWN = ("tapping", "range_of_motion")  # measures that have one
 
+WITHOUT_THUMB = ("strickland", "burn")  # schemes that do not cover it
 REPEATED = 3  # so many rows with one reason: it is given once, below the table
 
 
@@ -149,7 +150,14 @@ def _name(figure: Figure, task: Task, language: Language) -> str:
 
 
 def share_words(figure: Figure, task: Task, language: Language) -> str:
-    """Of what a share of total active motion is one: "against the right hand of 24 November 2026, 10:12 UTC"."""
+    """Of what a share of total active motion is one: "against the right hand of 24 November 2026, 10:12 UTC"; of a thumb without a word, why."""
+    against = _against(figure, task, language)
+    if figure.part != "thumb" or figure.category or task.grading in WITHOUT_THUMB:
+        return against
+    return language.several([against, language.say("share.ungraded")])
+
+
+def _against(figure: Figure, task: Task, language: Language) -> str:
     other = task.against
     if other is None or figure.part not in other.motion:
         return language.say("share.norm", size=language.number(NORM[figure.part] * DEG))

@@ -176,8 +176,9 @@ def trend_chart(
     width: float,
     height: float,
     language: Language,
+    falls: bool = False,
 ) -> str:
-    """One figure over the sessions, a dot each, with the band of the minimal detectable change about the first."""
+    """One figure over the sessions, a dot each, with the band of the minimal detectable change about the first; `falls`: less of the value is more of what the figure is called (extension), and further up."""
     with drawing():
         figure = Figure(figsize=(width / 72, height / 72))
         ax = axes_at(figure, 22, 13, width - 28, height - 18, width, height)
@@ -191,6 +192,7 @@ def trend_chart(
         low, high = min(values[0] - half, *values), max(values[0] + half, *values)
         air = max(0.06 * (high - low), 1e-9)
         ax.set_ylim(low - air, high + air)
+        ax.yaxis.set_inverted(falls)
         last = max(days[-1], 1e-9)
         ax.set_xlim(-0.04 * last, 1.06 * last)
         label_days(ax, last, (moments[0], moments[-1]), language)

@@ -40,7 +40,9 @@ def trend_section(content: Content, language: Language) -> dict[str, Any] | None
             {
                 "title": label(key[2], language),
                 "value": value_words(key[2], values[-1], unit, language),
-                "chart": plots.trend_chart(moments, values, mdc.get(key), *CHART, language),
+                "chart": plots.trend_chart(
+                    moments, values, mdc.get(key), *CHART, language, _falls(key)
+                ),
                 "alt": language.counted(
                     "trends.alt",
                     len(values),
@@ -96,6 +98,11 @@ def _chosen(
         reverse=True,
     )
     return (always + others)[:SHOWN]
+
+
+def _falls(key: Key) -> bool:
+    """Whether less of the value is more of what the figure is called: extension, radial deviation."""
+    return key[0] == "range_of_motion" and key[2].endswith("_min")
 
 
 def _read(key: Key, values: Values) -> float:

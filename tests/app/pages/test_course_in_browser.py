@@ -64,3 +64,50 @@ def test_an_axis_spans_the_measurement_error_and_no_tick_is_written_twice(
     margin = mdc95 if mdc95 is not None else 0.1 * first
     assert spanned[0] <= first - margin and spanned[1] >= first + margin
     assert spanned[0] <= now <= spanned[1]
+
+
+BACK = {"name": "wrist_flexion_min", "label": "", "unit": "deg", "decimals": 0, "joint": "wrist", "angle": "flexion", "end": "smallest"}  # fmt: skip
+
+
+def test_more_extension_is_further_up(browser: Browser) -> None:
+    """Extension is negative in the angle, but its sizes are what is read."""
+    points = [[0, -29.0, None, None], [1, -42.0, True, True]]
+    hands = {"left": {"judge": 0, "points": points}}
+    series = {"goals": {}, "reference": None, "finger": "", **BACK, "hands": hands}
+    page = browser.new_page(locale="en")
+    page.route(f"{SITE}/**", serve)
+    page.goto(SITE)
+    page.add_style_tag(url=f"{SITE}/static/styles/session.css")
+    ticks = page.evaluate(DRAW, [series, 12.0])
+    page.close()
+    sizes = [float(t["text"].rstrip("°")) for t in sorted(ticks, key=lambda one: one["y"])]
+    assert len(sizes) >= 2 and sizes == sorted(sizes, reverse=True)
+
+
+FILLED = """() => {
+  window.filled = [];
+  const fills = CanvasRenderingContext2D.prototype.fillRect;
+  CanvasRenderingContext2D.prototype.fillRect = function (x, y, w, h) {
+    if (Math.abs(h) > 3) window.filled.push({ style: this.fillStyle, alpha: this.globalAlpha });
+    return fills.call(this, x, y, w, h);
+  };
+}"""
+
+
+def test_a_goal_is_seen_within_the_band_of_measurement_error(browser: Browser) -> None:
+    points = [[0, 40.0, None, None], [1, 60.0, True, True]]
+    hands = {"left": {"judge": 0, "points": points}}
+    goals = {"left": {"low": 42.0, "high": 48.0}}
+    series = {"reference": None, "finger": "", **BENT, "hands": hands, "goals": goals}
+    page = browser.new_page(locale="en")
+    page.route(f"{SITE}/**", serve)
+    page.goto(SITE)
+    page.add_style_tag(url=f"{SITE}/static/styles/session.css")
+    page.add_style_tag(content=":root { --good-soft: #e1f3e8; --surface-sunk: #eaeef2; }")
+    page.evaluate(FILLED)
+    page.evaluate(DRAW, [series, 12.0])
+    filled = page.evaluate("window.filled")
+    page.close()
+    band, goal = filled[:2]
+    assert (band["style"], goal["style"]) == ("#eaeef2", "#e1f3e8")
+    assert goal["alpha"] < 1  # so that the band is seen, too

@@ -12,8 +12,9 @@ from handscope.app.report.change_words import value_words
 from handscope.app.report.changes import Change, Changes
 from handscope.app.report.content import Task
 from handscope.app.report.progress.importance import WRIST, leading_ranges
+from handscope.app.report.sections.other_measures import share_words
 from handscope.app.report.units import READABLE
-from handscope.app.results.headlines import headlines, joint_deficits
+from handscope.app.results.headlines import finger_rows, headlines, joint_deficits
 from handscope.estimators.measures.assessment import TaskResult
 from handscope.estimators.measures.figure import Figure
 from handscope.estimators.measures.range_of_motion import Range
@@ -217,3 +218,55 @@ def test_a_bar_has_both_hands_ranges_and_the_reference() -> None:
     assert (both["other"], alone["other"]) == ([1, 98], None)
     assert alone["reference"] == 100 and alone["name"] == "Index PIP"
     assert sorted(alone["range"]) == [4, 90]
+
+
+@pytest.mark.parametrize(
+    ("deficit", "words"),
+    [(0.3, "227°"), (18.0, "227°, less extension deficit: PIP 18°")],
+)
+def test_a_fingers_tam_names_the_deficits_that_it_has_subtracted(
+    deficit: float, words: str
+) -> None:
+    figures = (
+        Figure("index_tam", 227 * DEG, "rad", "x", part="index", what="tam"),
+        Figure("index_tam_share", 0.87, "1", "x", part="index", what="tam_share"),
+        Figure(
+            "index_pip_extension_deficit",
+            deficit * DEG,
+            "rad",
+            "x",
+            part="index_pip",
+            what="extension_deficit",
+            detail=True,
+        ),
+    )
+    result = TaskResult("rom_fist", "total_active_motion", 0, 1, None, figures)
+    section = {"measure": "total_active_motion", "name": "rom_fist"}
+    ((_, tam, *_),) = finger_rows(section, [Task(result, "", "", None)], EN, None)
+    assert tam == words
+
+
+@pytest.mark.parametrize(
+    ("finger", "category", "words"),
+    [
+        (
+            "index",
+            "good",
+            "against 260° (norm)",
+        ),
+        ("thumb", "good", "against 140° (norm)"),
+        (
+            "thumb",
+            "",
+            "against 140° (norm); not graded, as the task does not ask for all of the thumb’s flexion",
+        ),
+    ],
+)
+def test_a_share_says_of_what_norm_it_is_and_why_a_thumb_has_no_word(
+    finger: str, category: str, words: str
+) -> None:
+    share = Figure(
+        f"{finger}_tam_share", 0.6, "1", "x", part=finger, what="tam_share", category=category
+    )
+    task = Task(TaskResult("rom_fist", "total_active_motion", 0, 1, None, (share,)), "", "", None)
+    assert share_words(share, task, EN) == words

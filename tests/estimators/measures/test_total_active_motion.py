@@ -8,7 +8,8 @@ import pytest
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import FLEXION, JOINT, JOINTS, SEGMENT
-from handscope.estimators.measures import total_active_motion
+from handscope.estimators.measures import range_of_motion, total_active_motion
+from handscope.estimators.measures.task_request import Mark, TaskRequest
 from handscope.estimators.measures.total_active_motion import (
     FingerMotion,
     Params,
@@ -30,6 +31,81 @@ def _fist(
     for joint, high, low in zip(joints, bent, straight):
         angles[:, JOINT[joint], FLEXION] = DEG * (low + (high - low) * weight)
     return replace(made(400, angles), angles_sd=np.full((400, len(JOINTS), 3), 2 * DEG))
+
+
+def _fists(extensions: dict[str, float], fist: float = 80.0) -> Trajectory:
+    """A second flat as in the calibration, then fists and stretches of a second each, twice; joint by what flexion is left when stretched, deg."""
+    angles = np.full((700, len(JOINTS), 3), np.nan)
+    weight = np.interp(
+        np.arange(700) / 100, [1, 1.5, 2.5, 3, 4, 4.5, 5.5, 6], [0, 1, 1, 0, 0, 1, 1, 0]
+    )
+    late = np.arange(700) >= 200
+    for joint, left in extensions.items():
+        low = np.where(late, left, 0.0)
+        angles[:, JOINT[joint], FLEXION] = DEG * (low + (fist - low) * weight)
+    return made(700, angles)
+
+
+FIST = TaskRequest("rom_fist")
+LAG = {"index_mcp": -5.0, "index_pip": 22.0, "index_dip": 6.0}
+
+
+def test_the_posture_before_the_first_fist_is_no_stretch_of_the_trial() -> None:
+    (found,) = total_active_motion.measure(Params(), _fists(LAG), 0, 7, asked=FIST)
+    assert found.deficits == pytest.approx(
+        {"index_mcp": 0.0, "index_pip": 22 * DEG, "index_dip": 6 * DEG}
+    )
+    assert found.tam == pytest.approx((240 - 28) * DEG)
+    assert found.t_stretch > 2.5
+
+
+def test_the_table_of_ranges_has_the_extension_that_tam_subtracts() -> None:
+    (tam,) = total_active_motion.measure(Params(), _fists(LAG), 0, 7, asked=FIST)
+    ranges = range_of_motion.measure(range_of_motion.Params(), _fists(LAG), 0, 7, asked=FIST)
+    assert {r.joint: r.smallest for r in ranges} == dict(tam.extensions)
+    assert {r.t_smallest for r in ranges} == {tam.t_stretch}
+
+
+def test_a_finger_without_all_its_joints_has_the_extension_of_the_stretches_too() -> None:
+    moved = _fists({"index_pip": 22.0})
+    (found,) = range_of_motion.measure(range_of_motion.Params(), moved, 0, 7, asked=FIST)
+    assert found.smallest == pytest.approx(22 * DEG)
+
+
+def test_a_finger_that_stays_locked_in_the_fist_has_its_deficit() -> None:
+    """The middle finger stays at 75 deg a joint while the index finger opens."""
+    locked = {f"middle_{j}": 75.0 for j in ("mcp", "pip", "dip")}
+    moved = _fists(dict.fromkeys(LAG, 0.0) | locked)
+    _, middle = total_active_motion.measure(Params(), moved, 0, 7, asked=FIST)
+    assert middle.tam == pytest.approx(15 * DEG)
+
+
+def test_a_trial_that_ends_in_its_first_fist_has_the_extension_that_it_began_with() -> None:
+    (found,) = total_active_motion.measure(Params(), _fists(LAG), 0, 1.9, asked=FIST)
+    assert found.deficits == dict.fromkeys(LAG, 0.0)
+
+
+def test_a_cued_task_has_its_extension_from_the_first_stretch_asked_for() -> None:
+    marks = tuple(
+        Mark(t, t + 1.5, phase)
+        for t, phase in ((1, "flexion"), (2.5, "extension"), (4, "flexion"), (5.5, "extension"))
+    )
+    (found,) = range_of_motion.measure(
+        range_of_motion.Params(),
+        _fists({"index_pip": 22.0}),
+        0,
+        7,
+        asked=TaskRequest("rom_pip", marks=marks),
+    )
+    assert found.smallest == pytest.approx(22 * DEG)
+    assert found.largest == pytest.approx(80 * DEG)
+
+
+def test_a_task_that_says_nothing_of_extension_has_all_of_its_range() -> None:
+    (found,) = range_of_motion.measure(
+        range_of_motion.Params(), _fists({"wrist": 22.0}), 0, 7, asked=TaskRequest("rom_wrist")
+    )
+    assert found.smallest == 0
 
 
 def _motion(tam: float, finger: str = "index", **changes: float) -> FingerMotion:
@@ -135,3 +211,20 @@ def test_strickland_leaves_the_mcp_joint_out() -> None:
 def test_an_unknown_grading_is_refused() -> None:
     with pytest.raises(InputError, match="gradings are assh"):
         grade_with_scheme("buck_gramcko", _motion(200))
+
+
+@pytest.mark.parametrize(
+    ("asked", "word"), [(FIST, ""), (TaskRequest("tam", {"fingers": ["thumb"]}), "poor")]
+)
+def test_a_thumb_is_graded_only_where_the_task_asks_for_it(asked: TaskRequest, word: str) -> None:
+    """A fist bends the long fingers as far as they go, the thumb as far as it has room."""
+    moved = _fist((30, 30), (0, 0), "thumb")
+    figures = total_active_motion.figures(
+        total_active_motion.measure(Params(), moved, 0, 4, asked=asked)
+    )
+    (share,) = [f for f in figures if f.name == "thumb_tam_share"]
+    assert (share.value, share.category) == (pytest.approx(60 / 140), word)
+    (again,) = [
+        f for f in total_active_motion.regrade(figures, "eatonhand") if f.name == share.name
+    ]
+    assert again.category == word

@@ -1,14 +1,17 @@
 """Before a trial is kept: its figures beside earlier ones, every finger that counts, marks, and what was wrong with it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from handscope.app.language import languages
+from handscope.app.live.readouts import trial_review
 from handscope.app.live.readouts.trial_review import (
     LEAST,
     EarlierFigures,
+    TrialReview,
     localised_review,
     lost_heading,
     problem_of,
@@ -62,6 +65,16 @@ def test_a_fist_shows_all_four_fingers_three_figures_and_a_mark_a_movement(
     assert words is not None and words["figures"][0]["last"] == "57°"
 
 
+def test_of_fingers_that_are_spread_the_larger_excursion_is_shown_with_its_direction() -> None:
+    made = simulate(["rom_spread"], "left", sized("left"), np.random.default_rng(3), IDEAL)
+    blocks, trial = list(made.samples.values()), trial_of(made)
+    protocol, curve = PROTOCOLS["rom_spread"], PROTOCOLS["rom_spread"].curve
+    found = review(made.truth, blocks, protocol, curve, trial, sized("left"), NOTHING)
+    went = {f["finger"]: f["value"] for f in found["fingers"]}
+    assert went["index"] == pytest.approx(-17, abs=0.5)  # away from the middle finger
+    assert went["little"] == pytest.approx(40, abs=0.5)
+
+
 def test_contacts_are_no_movements_that_are_marked_and_counted(fist: Simulated) -> None:
     protocol = replace(PROTOCOLS["rom_fist"], group=PROTOCOLS["touch_table"].group)
     blocks, trial = list(fist.samples.values()), trial_of(fist)
@@ -103,7 +116,26 @@ def test_what_is_below_zero_is_said_in_words() -> None:
     ends = {"value": -7.0, "sd": None, "last": 4.0, "other": None}
     words = localised_review({"figures": [{**bent, **ends, "end": "min", "grade": "good"}]}, languages()["en"])  # fmt: skip
     assert words is not None
-    assert [words["figures"][0][name] for name in ("value", "last")] == ["7° hyperextension", "4°"]
+    assert [words["figures"][0][name] for name in ("value", "last")] == [
+        "7° hyperextension",
+        "4° extension deficit",
+    ]
+
+
+def test_a_range_names_its_joint_and_the_direction_of_each_end() -> None:
+    ends = {"flexion_max": 49.0, "flexion_min": -46.0, "deviation_min": -20.0}
+    rows = [
+        {"figure": f"wrist_{what}", "part": "wrist", "what": what, "unit": "deg", "value": value}
+        | {"sd": None, "last": None, "other": None, "grade": "good", "end": what[-3:]}
+        for what, value in ends.items()
+    ]
+    words = localised_review({"figures": rows}, languages()["en"])
+    assert words is not None
+    assert [(f["label"], f["value"]) for f in words["figures"]] == [
+        ("Wrist, flexion", "49°"),
+        ("Wrist, extension", "46°"),
+        ("Wrist, radial", "20°"),
+    ]
 
 
 def without_some(block: Block, share: float) -> Block:
@@ -156,3 +188,20 @@ def test_a_movement_that_could_not_be_followed_is_said(fist: Simulated) -> None:
         blocks, PROTOCOLS["tapping"], "aperture", np.full(100, np.nan), (onset, end, ())
     )
     assert problem == {"kind": "unknown", "percent": 100}
+
+
+def test_a_review_that_fails_is_told_by_its_number(
+    fist: Simulated, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The page must not wait for it."""
+
+    def fail(*_: object) -> None:
+        raise RuntimeError("a bug")
+
+    monkeypatch.setattr(trial_review, "review", fail)
+    tracking = SimpleNamespace(past=lambda *_: fist.truth, samples=lambda _: [])
+    reviews = TrialReview(tracking, fist.geometry, NOTHING)  # type: ignore[arg-type]
+    onset, end, _ = trial_of(fist)
+    reviews._of = ("rom_fist", onset, end)
+    reviews._review(reviews._of, PROTOCOLS["rom_fist"], "index_pip_flexion", ())
+    assert (reviews.number, reviews.payload()) == (1, None)

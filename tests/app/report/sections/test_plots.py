@@ -13,6 +13,7 @@ import typst
 
 from handscope.app.language import ENGLISH, languages
 from handscope.app.report.content import Curve
+from handscope.app.report.progress.chart import Shown, course_chart
 from handscope.app.report.references import references
 from handscope.app.report.sections import plots
 from handscope.app.report.sections.range_rows import range_rows
@@ -215,3 +216,24 @@ def test_a_course_without_a_known_error_has_few_digits_at_its_axis(code: str, po
     ticks = re.findall(r">(\d[\d.,]*)</text>", svg)
     assert len(ticks) >= 2 and len(set(ticks)) == len(ticks)
     assert all(len(tick) <= 4 for tick in ticks) and any(point in tick for tick in ticks)
+
+
+def _ticks_from_above(svg: str) -> list[float]:
+    found = re.findall(r'<text[^>]*? y="([\d.]+)"[^>]*>(\d[\d.,]*)</text>', svg)
+    return [float(words) for _, words in sorted(found, key=lambda one: float(one[0]))]
+
+
+@pytest.mark.parametrize(("course", "falls"), [((-29.0, -42.0), True), ((29.0, 42.0), False)])
+def test_of_a_course_the_larger_size_is_further_up(
+    course: tuple[float, float], falls: bool
+) -> None:
+    """Extension is negative in the angle, but its sizes are what is read."""
+    days = [datetime(2026, 11, day, 9, 0, tzinfo=UTC) for day in (7, 14)]
+    english = languages()["en"]
+    shown = Shown(list(zip(days, course)), (), 12.0, None, {}, falls)
+    for svg in (
+        plots.trend_chart(days, course, 12.0, 168, 62, english, falls),
+        course_chart(shown, english),
+    ):
+        sizes = _ticks_from_above(svg)
+        assert len(sizes) >= 2 and sizes == sorted(sizes, reverse=True)
