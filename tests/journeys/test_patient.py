@@ -46,7 +46,7 @@ def test_hand_measures_are_millimetres_on_the_page_and_metres_in_the_api(
     keep_picture(page, "patient-measures")
     length.fill("1815")
     page.get_by_role("button", name="Save measures").click()
-    expect(page.locator(".error")).to_contain_text("hand_length")
+    expect(page.locator(".error")).to_contain_text("hand length")
 
 
 def test_two_windows_that_change_a_patient_are_told(

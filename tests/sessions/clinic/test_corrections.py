@@ -81,7 +81,7 @@ def test_a_height_of_the_trunk_told_afterwards_counts_in_new_results_and_can_be_
         visit_facts.change(db, file.session_id, 1, trunk=TrunkHeight(0.42))
     file.summary = {**file.summary, "streams": [{"name": "trunk", "sensors": ["trunk"]}]}
     first = results.find_matching(db, file, "m2", {}, "1")
-    with pytest.raises(InputError, match=r"42 m above the hips is outside 0\.1 to 0\.7 m"):
+    with pytest.raises(InputError, match="42000 mm above the hips is outside 100 to 700 mm"):
         visit_facts.change(db, file.session_id, 1, trunk=TrunkHeight(42.0))
     visit_facts.change(db, file.session_id, 1, trunk=TrunkHeight(0.42))
     second = results.find_matching(db, file, "m2", {}, "1")
