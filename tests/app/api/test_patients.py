@@ -170,7 +170,10 @@ def test_hand_measures_and_a_trunk_height_in_millimetres_are_refused(
         json={"version": version, "hand_measures": {"left": {"hand_length": 181}}},
     )
     assert answer.status_code == 422
-    assert answer.json()["error"] == "hand length: 181000 mm is outside 50 to 300 mm"
+    assert (
+        answer.json()["error"]
+        == "hand length: 181000 mm is outside 50 to 300 mm (files and programs give metres)"
+    )
 
 
 def test_a_patient_that_is_not_there_is_404(client: TestClient) -> None:
