@@ -38,11 +38,8 @@ EXPLAINS = {  # what a cause of the file looks like at single sensors, by the ki
     "file.accelerometer_negated": "turned",
 }
 BY_TURNED = {"sensor.slipped", "sensors.disagree"}  # what a sensor that turned explains
-OF_TIMES = {
-    "file.rate",
-    "file.lost_rows",
-    "file.frozen",
-}  # after which every sensor seems to have turned
+# where times are wrong, sensors seem to have turned
+OF_TIMES = {"file.rate", "file.lost_rows", "file.frozen"}
 IN_OTHER_UNIT = "sensor.accelerometer_unit"
 EDGE = 0.1  # s: checks look at windows, so a fault begins a little earlier and ends a little later than they say
 

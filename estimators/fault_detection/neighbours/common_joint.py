@@ -220,11 +220,11 @@ def systematic_errors(joints: Sequence[Joint], most: float) -> tuple[Array, Arra
     """
     use = np.array([j.use for j in joints])
     w = use / np.maximum(use.sum(axis=1), 1e-12)[:, None]
-    sensors = [[getattr(j.couple, each) for j in joints] for each in ("first", "second")]
-    own, other = (np.sqrt((w * [s.turning**2 for s in of]).sum(axis=1)) for of in sensors)
+    sensors = [j.couple.first for j in joints], [j.couple.second for j in joints]
+    own, other = (np.sqrt((w * [s.turning**2 for s in each]).sum(axis=1)) for each in sensors)
     larger = np.maximum(own, other)
     against, between = (np.array(part) for part in zip(*(j.couple.related for j in joints)))
-    first, second = (np.array([s.arms for s in of]) for of in sensors)
+    first, second = (np.array([s.arms for s in each]) for each in sensors)
     unlike = _weighted(w, against) - ((BETWEEN * larger) ** 2 / 3)[:, None, None] * np.eye(3)
     mean = aligned(_weighted(w * _trace(first), between))
     slides = _error_factors(unlike, larger, most)

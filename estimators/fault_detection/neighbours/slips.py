@@ -90,7 +90,7 @@ def find_jump(pairs: Pairs) -> Slip | None:
 
 def _jumped(pairs: Pairs, sensor: str, tests: float) -> tuple[Slip | None, int]:
     """The sensor's largest jump that all its joints show, and how many they are."""
-    around = [j for j in pairs.joints if sensor in j]
+    around = _joints_of(pairs, sensor)
     fits = [(j, pairs.joint(*j, j), pairs.use(*j)) for j in around]
     if not fits:
         return None, 0
