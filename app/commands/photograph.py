@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from handscope.app.commands.words import read_json, say
-from handscope.app.photograph.pictures import LARGEST, Photograph, open_photograph
+from handscope.app.photograph.pictures import LARGEST, Photograph, measure_hand, open_photograph
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import HANDS
 from handscope.estimators.hand.geometry import measures_from, sized
@@ -21,7 +21,13 @@ from handscope.sessions.tables_io.writing import save_file
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
-    parser.add_argument("picture", type=Path, help="JPEG or PNG, from above, whole sheet in it")
+    parser.add_argument(
+        "pictures",
+        type=Path,
+        nargs="+",
+        metavar="PICTURE",
+        help="JPEG or PNG, from above, whole sheet in it; several of the hand as it lies, from different sides, tell more exactly",
+    )
     parser.add_argument("--hand", choices=HANDS, required=True)
     parser.add_argument(
         "--ruler", type=float, metavar="MM", help="length of the printed ruler, if not 100 mm"
@@ -34,9 +40,15 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--propose",
         type=Path,
         metavar="MARKS.json",
-        help="write where the landmarks will be, pixels; correct them there",
+        help="write where the landmarks will be in the picture, pixels; correct them there",
     )
-    todo.add_argument("--marks", type=Path, metavar="MARKS.json", help="the corrected landmarks")
+    todo.add_argument(
+        "--marks",
+        type=Path,
+        nargs="+",
+        metavar="MARKS.json",
+        help="the corrected landmarks, of each picture",
+    )
     parser.add_argument(
         "--json", type=Path, metavar="FILE", help="write geometry and the pose's columns there"
     )
@@ -44,19 +56,21 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; returns the exit code."""
-    photograph = _open(arguments)
-    say(
-        f"{photograph.markers} markers, {np.degrees(photograph.camera.tilt):.0f} deg from above, "
-        f"markers within {1e3 * photograph.camera.misfit:.1f} mm"
-    )
+    marks = arguments.marks or [arguments.propose]
+    if len(marks) != len(arguments.pictures):
+        raise InputError(
+            "photograph.marks_of_each", pictures=len(arguments.pictures), marks=len(marks)
+        )
+    photographs = [_open(picture, arguments) for picture in arguments.pictures]
+    for photograph in photographs:
+        say(
+            f"{photograph.markers} markers, {np.degrees(photograph.camera.tilt):.0f} deg from above, "
+            f"markers within {1e3 * photograph.camera.misfit:.1f} mm"
+        )
     if arguments.propose:
-        measures = measures_from(read_json(arguments.geometry)) if arguments.geometry else None
-        places = photograph.proposed(sized(arguments.hand, measures))
-        marks = {name: [round(float(x), 1) for x in at] for name, at in places.items()}
-        save_file((json.dumps(marks, indent=2) + "\n").encode(), arguments.propose)
-        say(f"{len(marks)} landmarks proposed: {arguments.propose}")
+        _propose(photographs[0], arguments)
         return 0
-    figures = photograph.measure(read_json(arguments.marks))
+    figures = measure_hand(list(zip(photographs, map(read_json, marks))))
     say(_as_text(figures))
     if arguments.json:
         found = {"geometry": geometry_entries(figures), "initial_pose": pose_details(figures)}
@@ -64,14 +78,22 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _open(arguments: argparse.Namespace) -> Photograph:
+def _propose(photograph: Photograph, arguments: argparse.Namespace) -> None:
+    measures = measures_from(read_json(arguments.geometry)) if arguments.geometry else None
+    places = photograph.proposed(sized(arguments.hand, measures))
+    marks = {name: [round(float(x), 1) for x in at] for name, at in places.items()}
+    save_file((json.dumps(marks, indent=2) + "\n").encode(), arguments.propose)
+    say(f"{len(marks)} landmarks proposed: {arguments.propose}")
+
+
+def _open(picture: Path, arguments: argparse.Namespace) -> Photograph:
     try:
-        if arguments.picture.stat().st_size > LARGEST:
+        if picture.stat().st_size > LARGEST:
             raise InputError("photograph.too_large", most=LARGEST / 2**20)
-        data = arguments.picture.read_bytes()
+        data = picture.read_bytes()
     except OSError as problem:
         raise InputError(
-            "photograph.file_unreadable", name=str(arguments.picture), problem=describe(problem)
+            "photograph.file_unreadable", name=str(picture), problem=describe(problem)
         ) from None
     ruler = None if arguments.ruler is None else 1e-3 * arguments.ruler
     return open_photograph(data, arguments.hand, ruler)

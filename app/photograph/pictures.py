@@ -3,7 +3,7 @@
 OpenCV finds the markers; it comes with `pip install "handscope[photograph]"`.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
@@ -18,7 +18,12 @@ from handscope.estimators.hand.geometry import MCP_DISTAL, HandGeometry
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.photograph import camera as cameras
 from handscope.estimators.photograph.camera import Camera
-from handscope.estimators.photograph.hand_figures import Figures, landmark_heights, measure
+from handscope.estimators.photograph.hand_figures import (
+    Figures,
+    View,
+    landmark_heights,
+    measure,
+)
 from handscope.estimators.photograph.sheet import RULER, Sheet, sheet_of
 from handscope.sessions.files.silenced import without_warnings
 
@@ -42,16 +47,18 @@ class Photograph:
     camera: Camera
     markers: int  # found
 
-    def measure(self, marks: Mapping[str, Array]) -> Figures:
-        """What the landmarks (2,), pixels, tell of the hand."""
-        return measure(self.camera, self.sheet.hand, marks)
-
     def proposed(self, geometry: HandGeometry) -> dict[str, Array]:
         """Where the landmarks (2,) of this hand are in the picture, pixels, if it lies as drawn."""
         on_sheet = self.sheet.landmarks(geometry)
         height = landmark_heights(geometry.palm_length / MCP_DISTAL["middle"])
         points = np.column_stack([np.array(list(on_sheet.values())), height])
         return dict(zip(on_sheet, self.camera.project(points)))
+
+
+def measure_hand(pictures: Sequence[tuple[Photograph, Mapping[str, Array]]]) -> Figures:
+    """What the landmarks (2,), pixels, in photographs of a hand that lies alike in all tell of it."""
+    views = [View(photograph.camera, marks) for photograph, marks in pictures]
+    return measure(views, pictures[0][0].sheet.hand)
 
 
 def open_photograph(data: bytes, hand: Hand, ruler: float | None = None) -> Photograph:

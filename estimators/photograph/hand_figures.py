@@ -1,8 +1,12 @@
 """Lengths, places of joints and in-plane angles of a hand that lies on the sheet.
 
-In      landmarks marked in the picture, pixels; the camera; the hand's side
+In      landmarks marked in one picture or several of the hand as it lies, pixels; the cameras; the
+        hand's side
 Out     Figures: phalanx lengths, joint centres in the hand's frame, deviations of fingers and
         wrist, each with its standard deviation
+Method  one picture: each landmark at the height that hands of this length have. Several: heights,
+        marks and cameras err as believed (a Gaussian), conditioned on every picture having each
+        landmark at the same place, so pictures from different sides determine the heights
 Source  hand's axes: Salchow-Hoemmen 2019, 2.2.2, y from the wrist's centre to MCP 3; thickness of
         wrist, hand and fingers as shares of the hand's length, and how much people differ: ours
 Limits  a mark is taken to lie above the joint's centre; how far the centre under the skin is from
@@ -11,14 +15,16 @@ Limits  a mark is taken to lie above the joint's centre; how far the centre unde
         flexion and pronation cannot be seen from above
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, Hand, side_sign
 from handscope.estimators.hand.geometry import TIP_TISSUE, TIP_TISSUE_SD, root_joint
+from handscope.estimators.numerics.tail_probabilities import chi2_sf
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.photograph.camera import Camera
 from handscope.estimators.photograph.sheet import ARM_LANDMARKS, FINGER_LANDMARKS, LANDMARKS
@@ -37,6 +43,11 @@ HEIGHT = {
 }
 HEIGHT_SD = 0.10  # share of itself: of a person's hand as a whole, and of each joint again
 STEP = 1e-4  # of the numerical derivative: m, rad or shares
+ROUNDS = 3  # of Gauss-Newton: a hand's heights are linear in what they move to 0.1 mm after two
+DISAGREE = (
+    1e-4  # probability of pictures that fit less well though nothing but what is believed errs
+)
+CAMERA = 11  # parameters of a camera that err
 HAND_LENGTH = (0.10, 0.26)  # m, plausible on a sheet
 MARK_WEIGHTS = {f: np.ones(4) for f in FINGERS} | {"thumb": np.array([1 / HIDDEN**2, 1, 1, 1])}
 
@@ -54,26 +65,80 @@ class Figures:
     deviation_sd: Mapping[str, float]
 
 
-def measure(
-    camera: Camera, hand: Hand, marks: Mapping[str, Array], mark_sd: float = MARK_SD
-) -> Figures:
-    """The figures of landmarks by name, each (2,) in pixels; all LANDMARKS are needed."""
-    pixels = _pixels_of(marks)
-    length = _hand_length(camera.place_at(pixels, np.zeros(len(pixels))))
+@dataclass(frozen=True)
+class View:
+    """A picture in which all LANDMARKS were marked."""
+
+    camera: Camera
+    marks: Mapping[str, Array]  # (2,) pixels, by name
+
+
+def measure(views: Sequence[View], hand: Hand, mark_sd: float = MARK_SD) -> Figures:
+    """The figures of a hand that lies alike in all views.
+
+    InputError where landmarks are missing, or where the views do not have them at the same places.
+    """
+    pixels = [_pixels_of(view.marks) for view in views]
+    length = _hand_length(views[0].camera.place_at(pixels[0], np.zeros(len(LANDMARKS))))
     if not HAND_LENGTH[0] < length < HAND_LENGTH[1]:
         raise InputError("photograph.landmarks_no_hand", length=1e3 * length)
     height, n = landmark_heights(length), len(LANDMARKS)
 
-    def of_causes(causes: Array) -> Array:
-        """All figures of errors of the camera (11,), of heights (1 + n,), of marks (2 n,)."""
-        share = 1.0 + causes[11] + causes[12 : 12 + n]
-        at = camera.perturb(causes[:11]).place_at(pixels, height * share)
-        return _as_vector(_figures(at + causes[12 + n :].reshape(-1, 2), hand))
+    def places(causes: Array) -> Array:
+        """Of the landmarks (views, n, 2) by errors of heights (1 + n), and each view's: its camera's (11), its marks' (2 n)."""
+        at = height * (1.0 + causes[0] + causes[1 : 1 + n])
+        own = causes[1 + n :].reshape(len(views), CAMERA + 2 * n)
+        seen = [
+            view.camera.perturb(c[:CAMERA]).place_at(p, at) + c[CAMERA:].reshape(n, 2)
+            for view, p, c in zip(views, pixels, own)
+        ]
+        return np.array(seen)
 
-    jacobian = _derivative(of_causes, 12 + 3 * n)
-    covariance = _causes(camera.covariance, mark_sd)
+    causes, covariance = _agreed(places, _causes(views, mark_sd))
+
+    def of_causes(d: Array) -> Array:
+        return _as_vector(_figures(places(causes + d)[0], hand))
+
+    jacobian = _derivative(of_causes, len(causes))
     sd = np.sqrt(np.einsum("ij,jk,ik->i", jacobian, covariance, jacobian))
-    return _figures_of(_figures(camera.place_at(pixels, height), hand), sd, hand)
+    return _figures_of(_figures(places(causes)[0], hand), sd, hand)
+
+
+def _agreed(places: Callable[[Array], Array], prior: Array) -> tuple[Array, Array]:
+    """Errors (m,) of which all views have the landmarks at the same places, and their covariance."""
+    causes, covariance = np.zeros(len(prior)), prior
+
+    def difference(d: Array) -> Array:
+        found = places(causes + d)
+        return np.asarray((found[1:] - found[0]).ravel())
+
+    for _ in range(ROUNDS):
+        off, H = difference(np.zeros(len(prior))), _derivative(difference, len(prior))
+        if not len(off):
+            return causes, covariance
+        S = H @ prior @ H.T
+        gain = np.linalg.solve(S, H @ prior).T
+        expected = H @ causes - off
+        causes, covariance = gain @ expected, prior - gain @ H @ prior
+    _require_agreement(expected, S)
+    return causes, covariance
+
+
+def _require_agreement(off: Array, S: Array) -> None:
+    """Nowhere else must a landmark lie in a picture than all others let expect; `off` (m,) m of covariance S."""
+    information = np.linalg.inv(S)
+    pull = information @ off
+    for name, at in zip(
+        LANDMARKS, np.arange(len(off)).reshape(-1, len(LANDMARKS), 2).swapaxes(0, 1)
+    ):
+        rows = at.ravel()
+        shift = np.linalg.solve(information[np.ix_(rows, rows)], pull[rows])
+        if len(LANDMARKS) * chi2_sf(pull[rows] @ shift, len(rows)) < DISAGREE:
+            raise InputError(
+                "photograph.pictures_disagree",
+                landmark=name.replace("_", " "),
+                distance=1e3 * float(np.linalg.norm(shift.reshape(-1, 2), axis=1).max()),
+            )
 
 
 def _pixels_of(marks: Mapping[str, Array]) -> Array:
@@ -89,14 +154,14 @@ def _pixels_of(marks: Mapping[str, Array]) -> Array:
     return pixels
 
 
-def _causes(of_camera: Array, mark_sd: float) -> Array:
-    """Covariance of everything that errs."""
+def _causes(views: Sequence[View], mark_sd: float) -> Array:
+    """Covariance of everything that errs, in the order of `measure`."""
     n = len(LANDMARKS)
     sd = mark_sd * np.where(np.array(LANDMARKS) == "thumb_cmc", HIDDEN, 1.0)
-    others = np.concatenate([np.full(n + 1, HEIGHT_SD / np.sqrt(2)), np.repeat(sd, 2)])
-    covariance = np.zeros((11 + len(others), 11 + len(others)))
-    covariance[:11, :11], covariance[11:, 11:] = of_camera, np.diag(others**2)
-    return covariance
+    marks = np.diag(np.repeat(sd, 2) ** 2)
+    heights = np.eye(1 + n) * HEIGHT_SD**2 / 2
+    own = [block for view in views for block in (view.camera.covariance, marks)]
+    return np.asarray(block_diag(heights, *own))
 
 
 def landmark_heights(hand_length: float) -> Array:

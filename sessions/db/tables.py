@@ -249,7 +249,9 @@ class HandPhotograph(Base):
     hand: Mapped[str] = mapped_column(String(5))
     taken: Mapped[datetime] = mapped_column(default=now)  # when it was measured
     version: Mapped[str] = mapped_column(String(32))  # of the program
-    marks: Mapped[dict[str, Any]] = mapped_column(default=dict)  # pixels, by landmark
+    marks: Mapped[dict[str, Any]] = mapped_column(
+        default=dict
+    )  # pixels, by landmark; `second`: in another picture
     figures: Mapped[dict[str, Any]] = mapped_column(default=dict)  # geometry (m), initial_pose
     # JPEG in base64; None: not kept
     picture: Mapped[str | None] = mapped_column(Text, deferred=True)

@@ -15,8 +15,8 @@ const REACH = 22; // px from where it is pressed to the point that is taken
 const HIGH = 74; // % of the window at most
 const ROOM = 0.2; // of the hand's size, round it
 
-/** Resolves with the places by name, pixels, or null where the person gave up. */
-export function correctLandmarks(root, file, { size, landmarks }) {
+/** Resolves with the places by name, pixels, in picture `number` of `many`, or null where the person gave up. */
+export function correctLandmarks(root, file, { size, landmarks }, number = 1, many = 1) {
   const address = URL.createObjectURL(file);
   const places = structuredClone(landmarks);
   const now = h("p", { class: "soft", role: "status" }, t("landmarks.how"));
@@ -39,12 +39,13 @@ export function correctLandmarks(root, file, { size, landmarks }) {
     finish(value);
   };
   let finish;
-  const done = h("button", { type: "button", class: "primary large", onclick: () => close(places) }, t("landmarks.measure"));
+  const done = h("button", { type: "button", class: "primary large", onclick: () => close(places) }, t(number < many ? "landmarks.next" : "landmarks.measure"));
   const stop = h("button", { type: "button", onclick: () => close(null) }, t("cancel"));
+  const title = many > 1 ? t("landmarks.title_of", { number, many }) : t("landmarks.title");
   const dialog = h(
     "dialog",
-    { class: "photograph", "aria-label": t("landmarks.title") },
-    h("h2", {}, t("landmarks.title")),
+    { class: "photograph", "aria-label": title },
+    h("h2", {}, title),
     now,
     drawing,
     h("div", { class: "buttons" }, done, stop),

@@ -21,10 +21,13 @@ export function mount(root, api, { record }) {
   const hands = choices(t("photograph.hand"), "photograph_hand", options, "two");
   const sheets = h("p", { class: "buttons" });
   const ruler = h("input", { inputmode: "decimal", autocomplete: "off", name: "ruler", placeholder: "100" });
-  const picture = h("input", { type: "file", accept: "image/jpeg,image/png", capture: "environment", name: "photograph" });
+  const [picture, second] = ["photograph", "second_photograph"].map((name) =>
+    h("input", { type: "file", accept: "image/jpeg,image/png", capture: "environment", name }),
+  );
   const keep = h("input", { type: "checkbox", name: "keep_picture" });
   const send = h("button", { type: "button", onclick: () => once(send, box, begin) }, t("photograph.begin"));
   const list = h("div", {});
+  const marked = new WeakMap(); // by file, so that nobody marks a refused one again
   let gone = false;
 
   const hand = () => hands.querySelector("input:checked").value;
@@ -40,25 +43,39 @@ export function mount(root, api, { record }) {
   hands.addEventListener("change", drawSheets);
   drawSheets();
 
-  function form() {
+  function form(file) {
     const data = new FormData();
-    data.append("file", picture.files[0]);
+    data.append("file", file);
     data.append("hand", hand());
     const length = metres(ruler.value, t("photograph.ruler"));
     if (length !== null) data.append("ruler", String(length));
     return data;
   }
 
+  /** Landmarks of the first file, those of another as `second`, or null where the person gave up. */
+  async function correctAll(files) {
+    for (const [k, file] of files.entries()) {
+      const proposed = await api.upload(`${address}/landmarks`, form(file), () => {});
+      const landmarks = marked.get(file) ?? proposed.landmarks;
+      const marks = gone ? null : await correctLandmarks(root, file, { ...proposed, landmarks }, k + 1, files.length);
+      if (!marks || gone) return null;
+      marked.set(file, marks);
+    }
+    const [first, other] = files.map((file) => marked.get(file));
+    return other ? { ...first, second: other } : first;
+  }
+
   async function begin() {
     if (!picture.files[0]) throw new Error(t("photograph.choose"));
-    const data = form();
-    const proposed = await api.upload(`${address}/landmarks`, data, () => {});
-    const marks = await correctLandmarks(root, picture.files[0], proposed);
-    if (!marks || gone) return;
+    const files = [picture, second].flatMap((input) => [...input.files]);
+    const data = form(files[0]);
+    const marks = await correctAll(files);
+    if (!marks) return;
     data.append("marks", JSON.stringify(marks));
     data.append("keep", keep.checked);
+    if (files[1]) data.append("second", files[1]);
     await api.upload(address, data, () => {});
-    picture.value = "";
+    picture.value = second.value = "";
     await show();
   }
 
@@ -104,6 +121,7 @@ export function mount(root, api, { record }) {
       sheets,
       [
         field(t("photograph.file"), picture, t("photograph.file.hint")),
+        field(t("photograph.second"), second, t("photograph.second.hint")),
         field(t("photograph.ruler"), ruler, t("photograph.ruler.hint")),
         h("label", { class: "choice" }, keep, h("span", {}, t("photograph.keep"), h("small", {}, t("photograph.keep.hint")))),
         h("p", {}, send),

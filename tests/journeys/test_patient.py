@@ -3,9 +3,10 @@
 import re
 import sqlite3
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -210,6 +211,18 @@ def test_an_address_that_leads_nowhere_says_what_to_do(page: Page, server: objec
     expect(page.get_by_role("heading", name="Patients")).to_be_visible()
 
 
+def put_landmarks(page: Page, marks: Mapping[str, Any]) -> None:
+    """Each to its place, by arrow keys."""
+    for name, (x, y) in marks.items():
+        page.locator(f'[data-landmark="{name}"]').evaluate(
+            "(dot, at) => { const key = (k) => dot.dispatchEvent(new KeyboardEvent('keydown', { key: k, bubbles: true }));"
+            " const go = (now, to, less, more) => { for (let k = Math.round(to - now); k; k += k < 0 ? 1 : -1) key(k < 0 ? less : more); };"
+            " go(+dot.getAttribute('cx'), at[0], 'ArrowLeft', 'ArrowRight');"
+            " go(+dot.getAttribute('cy'), at[1], 'ArrowUp', 'ArrowDown'); }",
+            [x, y],
+        )
+
+
 def test_a_photograph_gives_lengths_and_angles(page: Page, patient: int, tmp_path: Path) -> None:
     pytest.importorskip("cv2")
     from handscope.validation.studies.rendered_photographs import render
@@ -226,14 +239,7 @@ def test_a_photograph_gives_lengths_and_angles(page: Page, patient: int, tmp_pat
     page.locator('input[name="photograph"]').set_input_files(picture)
     begin.click()
     drawing = shown(page.locator("svg.landmarks"))
-    for name, (x, y) in made.marks.items():
-        page.locator(f'[data-landmark="{name}"]').evaluate(
-            "(dot, at) => { const key = (k) => dot.dispatchEvent(new KeyboardEvent('keydown', { key: k, bubbles: true }));"
-            " const go = (now, to, less, more) => { for (let k = Math.round(to - now); k; k += k < 0 ? 1 : -1) key(k < 0 ? less : more); };"
-            " go(+dot.getAttribute('cx'), at[0], 'ArrowLeft', 'ArrowRight');"
-            " go(+dot.getAttribute('cy'), at[1], 'ArrowUp', 'ArrowDown'); }",
-            [x, y],
-        )
+    put_landmarks(page, made.marks)
     keep_picture(page, "photograph-landmarks")
     tip = page.locator('[data-landmark="index_tip"]')
     before = tip.get_attribute("cx")
@@ -257,6 +263,35 @@ def test_a_photograph_gives_lengths_and_angles(page: Page, patient: int, tmp_pat
     assert abs(stored["palm_length"] - made.geometry.palm_length) < 3e-3
     page.get_by_role("button", name="Erase it").click()
     expect(page.locator("summary", has_text="Left hand,")).to_be_hidden()
+
+
+def test_two_photographs_of_the_hand_as_it_lies_are_marked_one_after_the_other(
+    page: Page, patient: int, tmp_path: Path
+) -> None:
+    pytest.importorskip("cv2")
+    from handscope.validation.studies.rendered_photographs import render_sides
+
+    tilts = [np.radians(18), np.radians(18)]
+    sides = render_sides(np.random.default_rng(9), "left", "a4", tilts)
+    page.get_by_text("Pose sheet and photograph").click()
+    for name, side in zip(("photograph", "second_photograph"), sides):
+        picture = tmp_path / f"{name}.jpg"
+        picture.write_bytes(side.jpeg)
+        page.locator(f'input[name="{name}"]').set_input_files(picture)
+    keep_picture(page, "photographs-two")
+    page.get_by_role("button", name="Find the landmarks").click()
+    expect(page.get_by_role("heading", name="picture 1 of 2")).to_be_visible()
+    put_landmarks(page, sides[0].marks)
+    page.get_by_role("button", name="Next picture").click()
+    expect(page.get_by_role("heading", name="picture 2 of 2")).to_be_visible()
+    page.get_by_role("button", name="Measure", exact=True).click()  # proposed places: no hand's
+    expect(page.get_by_text("the pictures do not agree")).to_be_visible()
+    page.get_by_role("button", name="Find the landmarks").click()
+    page.get_by_role("button", name="Next picture").click()  # the first is still marked
+    put_landmarks(page, sides[1].marks)
+    page.get_by_role("button", name="Measure", exact=True).click()
+    shown(page.locator("summary", has_text="Left hand,")).click()
+    expect(page.get_by_role("cell", name="°").first).to_be_visible()
 
 
 @pytest.mark.parametrize("language", swept(["en", "de", "fr"], kept=["de"]))  # the longest words

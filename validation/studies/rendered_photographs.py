@@ -4,7 +4,7 @@ The hand is balls along its bones, of other thicknesses than the program assumes
 layout with what it judges, and nothing of the camera's model but the pinhole: the lens is of another formula (division model).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -28,6 +28,7 @@ from handscope.estimators.simulation.person import draw_person
 SIZE = (2016, 1512)  # pixels
 TEXTURE = 8.0  # pixels a mm of the printed sheet
 SPREAD, WRIST = np.radians(4.0), np.radians(6.0)  # standard deviations of the pose
+ASIDE = np.radians(30.0)  # of where a second picture is taken from, about opposite the first
 # radius of wrist, MCP, PIP, DIP, tip, as shares of the hand's length, and how much people differ
 RADIUS = {"wrist": 0.100, "root": 0.070, "second": 0.048, "third": 0.038, "tip": 0.032}
 RADIUS_SD = 0.12
@@ -46,21 +47,29 @@ class Rendered:
 
 def render(rng: np.random.Generator, hand: Hand, paper: str, tilt: float) -> Rendered:
     """A photograph of somebody's hand, the camera `tilt` rad from above."""
+    return render_sides(rng, hand, paper, [tilt])[0]
+
+
+def render_sides(
+    rng: np.random.Generator, hand: Hand, paper: str, tilts: Sequence[float]
+) -> list[Rendered]:
+    """Photographs of a hand that stays as it lies, each tilted by so many rad; every other from about the opposite side."""
     geometry, sheet = draw_person(hand, rng).true, Sheet(paper, hand)
     angles = pose_angles()
     angles[[JOINT[f"{f}_mcp"] for f in FINGERS[1:]], DEVIATION] = SPREAD * rng.normal(size=4)
     angles[JOINT["thumb_cmc"], DEVIATION] += 2 * SPREAD * rng.normal()
     angles[JOINT["wrist"], DEVIATION] = WRIST * rng.normal()
     seen, balls = _lay(geometry, angles, sheet, rng)
-    lens = _Lens.draw(rng, tilt)
-    jpeg = _photograph(sheet, geometry, balls, lens, rng)
-    return Rendered(
-        jpeg,
-        sheet,
-        geometry,
-        {j.name: float(angles[k, DEVIATION]) for k, j in enumerate(JOINTS)},
-        dict(zip(LANDMARKS, lens.project(seen))),
-    )
+    deviation = {j.name: float(angles[k, DEVIATION]) for k, j in enumerate(JOINTS)}
+    made: list[Rendered] = []
+    aside = 0.0
+    for k, tilt in enumerate(tilts):
+        lens = _Lens.draw(rng, tilt, aside + np.pi + ASIDE * rng.normal() if k % 2 else None)
+        aside = lens.aside
+        jpeg = _photograph(sheet, geometry, balls, lens, rng)
+        marks = dict(zip(LANDMARKS, lens.project(seen)))
+        made.append(Rendered(jpeg, sheet, geometry, deviation, marks))
+    return made
 
 
 def _lay(
@@ -144,18 +153,23 @@ class _Lens:
     centre: Array  # (2,) pixels
     rotation: Array  # (3, 3) from the sheet to the camera
     p_c: Array  # (3,) m
+    aside: float  # rad, of the axis about which it is tilted
 
     @classmethod
-    def draw(cls, rng: np.random.Generator, tilt: float) -> "_Lens":
+    def draw(cls, rng: np.random.Generator, tilt: float, aside: float | None) -> "_Lens":
+        """Tilted about an axis of the sheet, None: about any."""
         focal = max(SIZE) * rng.uniform(0.68, 0.84)
-        aside, roll = rng.uniform(0, 2 * np.pi), np.pi / 2 + np.radians(5) * rng.normal()
+        aside = rng.uniform(0, 2 * np.pi) if aside is None else aside
+        roll = np.pi / 2 + np.radians(5) * rng.normal()
         axis = np.array([np.cos(aside), np.sin(aside), 0.0])
         to_camera = cv2.Rodrigues(roll * np.array([0.0, 0.0, 1.0]))[0] @ np.diag([1.0, -1.0, -1.0])
         rotation = cv2.Rodrigues(tilt * axis)[0] @ to_camera
         distance = 0.45 * focal / max(SIZE) * rng.uniform(1.0, 1.2)
         target = rotation @ np.append(0.01 * rng.normal(size=2), 0.0)
         centre = np.array(SIZE) / 2 + 8 * rng.normal(size=2)
-        return cls(focal, rng.uniform(-0.06, 0.06), centre, rotation, [0, 0, distance] - target)
+        return cls(
+            focal, rng.uniform(-0.06, 0.06), centre, rotation, [0, 0, distance] - target, aside
+        )
 
     def project(self, points: Array) -> Array:
         """Pixels (n, 2) of points (n, 3) on the sheet."""

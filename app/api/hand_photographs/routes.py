@@ -12,7 +12,7 @@ from handscope.app.auth.roles import CLINICIAN, SCIENTIST, requires_role
 from handscope.app.live.station import Station
 from handscope.app.photograph.pictures import (
     LARGEST,
-    Photograph,
+    measure_hand,
     open_photograph,
     without_description,
 )
@@ -82,12 +82,20 @@ async def measure_photograph(
     marks: Annotated[str, Form()],
     ruler: Annotated[float | None, Form()] = None,
     keep: Annotated[bool, Form()] = False,
+    second: UploadFile | None = None,
 ) -> dict[str, Any]:
-    """What the landmarks, pixels by name, tell of the hand; the picture itself is kept only where `keep` says so."""
+    """What the landmarks, pixels by name, tell of the hand; the picture itself is kept only where `keep` says so.
+
+    `second`: another picture of the hand as it lies, from another side, its landmarks in `marks` by the same name; it is not kept.
+    """
     patient = patients.get(db, patient_id)
     places, data = _marks(marks), await _read(file)
-    photograph = await to_thread.run_sync(open_photograph, data, hand, ruler)
-    found = await to_thread.run_sync(Photograph.measure, photograph, places)
+    pictures = [(await to_thread.run_sync(open_photograph, data, hand, ruler), places)]
+    if second is not None:
+        others = _landmarks(places.get("second"))
+        more = await to_thread.run_sync(open_photograph, await _read(second), hand, ruler)
+        pictures.append((more, others))
+    found = await to_thread.run_sync(measure_hand, pictures)
     picture = await to_thread.run_sync(without_description, data) if keep else None
     figures = {
         "geometry": geometry_entries(found),
@@ -156,6 +164,10 @@ def _marks(given: str) -> dict[str, Any]:
         found = json.loads(given)
     except ValueError:
         found = None
+    return _landmarks(found)
+
+
+def _landmarks(found: object) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise InputError("photograph.landmarks_unreadable")
     return found

@@ -12,7 +12,7 @@ from handscope.sessions.db.roles import SCIENTIST
 
 pytest.importorskip("cv2")
 
-from handscope.validation.studies.rendered_photographs import Rendered, render
+from handscope.validation.studies.rendered_photographs import Rendered, render, render_sides
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +54,33 @@ def test_landmarks_are_proposed_and_measured_and_the_picture_kept_only_where_ask
     scientist = log_in_as(SCIENTIST)
     assert len(scientist.get(address).json()) == 1
     assert scientist.delete(f"/api/photographs/{first['id']}").status_code == 403
+
+
+def test_a_second_picture_from_the_other_side_makes_the_figures_surer(
+    client: TestClient, patient: int
+) -> None:
+    tilts = np.radians([20, 20])
+    sides = render_sides(np.random.default_rng(9), "left", "a4", list(tilts))
+    first, second = ({k: list(map(float, at)) for k, at in s.marks.items()} for s in sides)
+    alone = measured(client, patient, sides[0]).json()
+    form = {"hand": "left", "marks": json.dumps({**first, "second": second})}
+    files = {
+        name: ("hand.jpg", side.jpeg, "image/jpeg") for name, side in zip(("file", "second"), sides)
+    }
+    address = f"/api/patients/{patient}/photographs"
+    both = client.post(address, files=files, data=form)
+    assert both.status_code == 201, both.text
+    sds = [
+        np.array([row["sd"] for row in found["table"] if row["unit"] == "°"])
+        for found in (alone, both.json())
+    ]
+    assert (sds[1] < sds[0]).all()
+    second["index_tip"][0] += 60.0  # pixels, some 20 mm
+    moved = {**form, "marks": json.dumps({**first, "second": second})}
+    refused = client.post(address, files=files, data=moved)
+    assert refused.status_code == 422 and "index tip" in refused.json()["error"]
+    without = client.post(address, files=files, data={**form, "marks": json.dumps(first)})
+    assert without.status_code == 422 and "landmark" in without.json()["error"]
 
 
 def test_photographs_are_erased_with_the_patient(client: TestClient, taken: Rendered) -> None:

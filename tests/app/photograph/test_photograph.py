@@ -19,7 +19,7 @@ from handscope.estimators.photograph.sheet import IDS, MARKER, Sheet
 
 cv2 = pytest.importorskip("cv2")
 
-from handscope.app.photograph.pictures import open_photograph, without_description  # noqa: E402
+from handscope.app.photograph.pictures import measure_hand, open_photograph, without_description  # noqa: E402
 from handscope.validation.studies.rendered_photographs import Rendered, render  # noqa: E402
 
 
@@ -32,7 +32,7 @@ def test_the_photograph_tells_lengths_and_angles(taken: Rendered) -> None:
     photograph = open_photograph(taken.jpeg, "left")
     assert photograph.sheet == Sheet("a4", "left") and photograph.markers >= 4
     assert np.degrees(photograph.camera.tilt) == pytest.approx(15, abs=2)
-    figures = photograph.measure(taken.marks)
+    figures = measure_hand([(photograph, taken.marks)])
     off = [1e3 * (v - taken.geometry.lengths[k]) for k, v in figures.lengths.items()]
     # No further off than the worst picture of docs/validation/photograph.md
     assert np.sqrt(np.mean(np.square(off))) < 2.35
@@ -94,7 +94,7 @@ def test_pictures_that_will_not_do_are_refused_with_what_to_do(taken: Rendered) 
 def test_a_print_that_was_scaled_is_measured_by_its_ruler(taken: Rendered) -> None:
     marks = taken.marks
     true, large = (
-        open_photograph(taken.jpeg, "left", ruler).measure(marks).lengths["hand"]
+        measure_hand([(open_photograph(taken.jpeg, "left", ruler), marks)]).lengths["hand"]
         for ruler in (None, 0.105)
     )
     assert large / true == pytest.approx(1.05, abs=0.01)
@@ -112,6 +112,10 @@ def test_the_command_line_proposes_and_measures(
     told = json.loads(found.read_text())
     assert told["geometry"]["palm_length"] == pytest.approx(0.083, abs=0.02)
     assert told["initial_pose"]["index_mcp_deviation_sd_deg"] > 0
+    both = ["photograph", str(picture), str(picture), "--hand", "left"]
+    assert main([*both, "--marks", str(marks), str(marks)]) == 0
+    assert main([*words, "--marks", str(marks), str(marks)]) == 2
+    assert "files of landmarks" in capsys.readouterr().err
     marks.write_text("[]")
     assert main([*words, "--marks", str(marks)]) == 2
     assert main(["photograph", str(tmp_path / "none.jpg"), "--hand", "left", "--propose", "x"]) == 2
