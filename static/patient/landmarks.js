@@ -15,7 +15,7 @@ const REACH = 22; // px from where it is pressed to the point that is taken
 const HIGH = 74; // % of the window at most
 const ROOM = 0.2; // of the hand's size, round it
 
-/** Resolves with the places by name, pixels, in picture `number` of `many`, or null where the person gave up. */
+/** Resolves with the places by name, pixels, in picture `number` of `many`; null where the person gave up. */
 export function correctLandmarks(root, file, { size, landmarks }, number = 1, many = 1) {
   const address = URL.createObjectURL(file);
   const places = structuredClone(landmarks);
@@ -39,7 +39,8 @@ export function correctLandmarks(root, file, { size, landmarks }, number = 1, ma
     finish(value);
   };
   let finish;
-  const done = h("button", { type: "button", class: "primary large", onclick: () => close(places) }, t(number < many ? "landmarks.next" : "landmarks.measure"));
+  const next = t(number < many ? "landmarks.next" : "landmarks.measure");
+  const done = h("button", { type: "button", class: "primary large", onclick: () => close(places) }, next);
   const stop = h("button", { type: "button", onclick: () => close(null) }, t("cancel"));
   const title = many > 1 ? t("landmarks.title_of", { number, many }) : t("landmarks.title");
   const dialog = h(
