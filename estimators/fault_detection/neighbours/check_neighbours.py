@@ -67,7 +67,7 @@ def prepare_pairs(
     """Pair all sensors, for several checks of one recording; None where there is too little to compare."""
     known = calibrations[0] if calibrations else None
     series = joint_windows.common_series(blocks, known.gyr_bias if known else {})
-    if series is None or len(series.t) < 2 * joint_windows.RATE * joint_windows.LENGTH:
+    if series is None or series.count < 2 * joint_windows.RATE * joint_windows.LENGTH:
         return None
     mounted = {**mounting, **(known.q_BS if known else {})}
     return Pairs(
@@ -109,15 +109,15 @@ class Views:
 
 @dataclass(frozen=True)
 class Compared:
-    """Sensors of one recording as several checks compare them: computed when first asked for, once."""
+    """Sensors of one recording as several checks compare them: pairs are computed when first asked for, once."""
 
     blocks: Sequence[Block]
     declared: Recording
     calibrations: Sequence[Calibration]
 
-    @cached_property
+    @property
     def cells(self) -> Cells:
-        """Readings of every sensor by itself, of streams whose times run forward."""
+        """Readings of every sensor by itself, of streams whose times run forward; not kept, as they are half of what the recording takes."""
         return cells_of(forward_streams(whole_streams(self.blocks)))
 
     @cached_property
