@@ -158,6 +158,7 @@ def _calibrate_stretch(
     return fingers, worn, messages
 
 
+@freed_memory_returned()
 def _apply_contacts(
     params: Params,
     recording: Recording,
