@@ -70,7 +70,7 @@ def prepare_pairs(
 ) -> Pairs | None:
     """Pair all sensors, for several checks of one recording; None where there is too little to compare."""
     known = calibrations[0] if calibrations else None
-    bias = known.gyr_bias if known else {}
+    bias, blocks = known.gyr_bias if known else {}, list(blocks)
     series = joint_windows.common_series(blocks, bias)
     if series is None or series.count < 2 * joint_windows.RATE * joint_windows.LENGTH:
         return None
