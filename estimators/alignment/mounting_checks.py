@@ -37,6 +37,9 @@ FITS = np.radians(25.0)
 BENDS = 0.5  # rad/s
 FIRST = 20.0  # s behind the pose that count as the first flexions
 LEAST_BENT = 0.3  # s of bending
+EXTENDS = np.radians(
+    60.0
+)  # no straight finger extends so far: MCP joints 45 deg (anatomy.py), and mountings err
 PLANAR = 0.8  # share of the principal axis
 MOVES = 1.0  # rad/s, root mean square of a finger asked to move
 DIFFERENT = 0.5  # s between two fingers of a wiggle
@@ -337,12 +340,24 @@ def _flexion_axis(name: str, worn: Mapping[str, _WornSensor]) -> Array | None:
     axis = axes[:, -1]
     along, rests = rate @ axis, hand_moves < BENDS
     turned = np.cumsum(np.where(rests, along, 0.0)) * period
-    unseen = float(np.abs(np.where(rests, 0.0, along)).sum()) * period
-    # from straight a finger can only flex far; what it turned while the hand moved may have been either way
+    # what it turned against the hand while that moved may have been either way
+    unseen = float(np.where(rests, 0.0, np.abs(along) + hand_moves).sum()) * period
+    carried = _turned_slowly(hand, t)
+    # from straight a finger can only flex far
     forth, back = float(turned.max()), float(-turned.min())
-    if max(forth, back) < 2 * (min(forth, back) + unseen):
+    if max(forth, back) < max(EXTENDS, 2 * (min(forth, back) + unseen + carried)):
         return None
     return np.asarray(axis if forth > back else -axis)
+
+
+def _turned_slowly(hand: _WornSensor, t: Array) -> float:
+    """How far (rad) the hand turned at most while it counted as resting, up to the end of t (n,)."""
+    until = np.searchsorted(hand.t, t[-1])
+    if until < 2:
+        return 0.0
+    slow = np.where(hand.size[:until, None] < BENDS, hand.rate[:until], 0.0)
+    turned = np.cumsum(slow, axis=0) * float(np.median(np.diff(hand.t)))
+    return float(np.linalg.norm(turned, axis=1).max())
 
 
 @cache  # made when first asked for: importing loads no kernel

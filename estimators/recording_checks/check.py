@@ -39,7 +39,7 @@ EXPLAINS = {  # what a cause of the file looks like at single sensors, by the ki
 }
 BY_TURNED = {"sensor.slipped", "sensors.disagree"}  # what a sensor that turned explains
 # where times are wrong, sensors seem to have turned
-OF_TIMES = {"file.rate", "file.lost_rows", "file.frozen"}
+OF_TIMES = {"file.rate", "file.lost_rows", "file.frozen", "sensor.frozen"}
 IN_OTHER_UNIT = "sensor.accelerometer_unit"
 EDGE = 0.1  # s: checks look at windows, so a fault begins a little earlier and ends a little later than they say
 

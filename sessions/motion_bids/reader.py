@@ -11,6 +11,7 @@ import numpy as np
 from handscope.estimators.data.magnet_declaration import plate_from
 from handscope.estimators.data.samples import (
     ACC,
+    FASTEST_RATE,
     FORCE,
     GYR,
     MAG,
@@ -52,6 +53,7 @@ UNITS: dict[str, dict[str, float]] = {
     "MISC": {"N": 1.0},
     "LATENCY": {"s": 1.0},
 }
+SLOWEST = 1.5  # Hz: magnetometers may give two samples a second, times in ms look like one at most
 TORQUES = {  # units of the torques of a force sensor with six axes; forces and torques are MISC
     **dict.fromkeys(("N*m", "N·m", "N⋅m", "N m", "Nm"), 1.0),
     **dict.fromkeys(
@@ -430,6 +432,8 @@ def times_of(system: System, table: Array, name: str, warnings: list[str]) -> tu
             line=int(backwards[0]) + 2 if len(backwards) else 1,
         )
     seen = _rate_seen(t) if len(t) > 1 else rate or 100.0
+    if not SLOWEST <= seen <= FASTEST_RATE:
+        raise InputError("motion_bids.rate_implausible", name=name, rate=seen)
     if rate is not None and abs(seen / rate - 1) > RATE_TOLERANCE:
         warnings.append(
             render_english(

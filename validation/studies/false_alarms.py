@@ -17,11 +17,13 @@ from handscope.validation.reproduce import Wanted
 from handscope.validation.reproduce.finding import Finding, Row, Table, Verdict, spread
 from handscope.validation.studies import crosschecks
 
+# but for skin that is behind by an angle, which a joint that trembles turns several times as far as itself
+LAWS = [law for law in free_movement.LAWS if law != "lagging"]
 OUTSIDE: Mapping[str, str] = {f"outside: {name}": name for name in daily_movements.MOVEMENTS}
 KINDS = (*crosschecks.KINDS, *OUTSIDE)
 LIMIT = 1 / 200  # recordings with an alarm
 LEVEL = 0.95  # of the bound
-FIRST_SEED = 13500  # of people whom no rule has seen
+FIRST_SEED = 14500  # of people whom no rule has seen
 SECONDS = 24.0
 POSE_SD = np.radians(3.0)  # of each freedom, that somebody's initial pose misses
 LOST = 0.05  # of the samples of every third person
@@ -72,7 +74,13 @@ def _outside(movement: str, seed: int) -> LoadedRecording:
     """By the simulator that shares no line with the estimators, through files; either hand, some samples lost."""
     hand = "left" if seed % 2 else "right"
     setup = free_movement.Setup(
-        1000 + seed, hand=hand, fingers=FINGERS, duration=SECONDS, missed=POSE_SD
+        1000 + seed,
+        hand=hand,
+        fingers=FINGERS,
+        duration=SECONDS,
+        law=LAWS[seed % len(LAWS)],
+        means=seed // 2 % 2 == 0,
+        missed=POSE_SD,
     )
     read, _ = write_and_load(setup, daily_movements.movement(movement, setup))
     blocks = whole_streams(list(read.blocks()))
@@ -128,8 +136,9 @@ def finding(wanted: Wanted, results: Sequence[tuple[Trial, Answer]]) -> Finding:
         "What the checks say of recordings that are right",
         (
             f"{n} recordings of {len(kinds)} kinds, put through every check: by estimators/simulation (kinds of crosschecks) and, where it says outside, by"
-            " validation/independent/simulator, which shares no line with it, through files, an initial pose missed by 3 deg a freedom, either hand, and 5 % of the samples"
-            " lost for every third person.",
+            " validation/independent/simulator, which shares no line with it, through files, an initial pose missed by 3 deg a freedom, either hand, 5 % of the samples"
+            " lost for every third person; skin follows the joints by a law in turn (in proportion, growing, levelling, behind by a time),"
+            " rates are those of an instant for one half of the people, means since the sample before for the other.",
         ),
         (table,),
         (

@@ -1,6 +1,6 @@
 """Faults of sensors and of files that are injected into faultless recordings, each with its sizes and the code of the finding expected."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -110,12 +110,15 @@ def drop_rows(blocks: list[Block], seconds: float) -> list[Block]:
     return out
 
 
-def freeze_samples(blocks: list[Block], seconds: float) -> list[Block]:
-    """Blocks in which every sensor repeats one sample for so many seconds."""
+def freeze_samples(
+    blocks: list[Block], seconds: float, sensors: Sequence[str] | None = None
+) -> list[Block]:
+    """Blocks in which these sensors, None: all, repeat one sample for so many seconds."""
     out, at = [], 0.55 * max(b.t[-1] for b in blocks)
     for b in blocks:
         rows, values = np.flatnonzero((b.t >= at) & (b.t < at + seconds)), b.values.copy()
-        values[rows] = values[rows[0]]
+        still = [k for k, name in enumerate(b.stream.sensors) if sensors is None or name in sensors]
+        values[np.ix_(rows, still)] = values[rows[0], still]
         out.append(replace(b, values=values))
     return out
 

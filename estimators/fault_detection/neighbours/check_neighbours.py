@@ -7,7 +7,7 @@ Limits  what the movement does not show is not found: the tests stay silent wher
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -55,6 +55,9 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
 FALSE_ALARM = 2e-4  # of each family of tests in one recording: nine of them, those of synchrony.py and finger_order.py, and those of single sensors, stay below 1 in 200
+# samples by which all gyroscopes may be behind their accelerometers: a reading is the mean rate since the one before, or accelerometers are filtered as much more
+BEHIND = (0.5, -0.5)
+FEW = 12  # windows by which these are told from readings of one instant
 OF_HAND = 1e-5  # the same of the declared hand: how far people's knuckles lie from the declared is known roughly
 
 
@@ -66,18 +69,27 @@ def prepare_pairs(
 ) -> Pairs | None:
     """Pair all sensors, for several checks of one recording; None where there is too little to compare."""
     known = calibrations[0] if calibrations else None
-    series = joint_windows.common_series(blocks, known.gyr_bias if known else {})
+    bias = known.gyr_bias if known else {}
+    series = joint_windows.common_series(blocks, bias)
     if series is None or len(series.t) < 2 * joint_windows.RATE * joint_windows.LENGTH:
         return None
     mounted = {**mounting, **(known.q_BS if known else {})}
-    return Pairs(
-        series,
-        geometry,
-        {
-            s: quat.normalize(np.asarray(mounted.get(s, quat.IDENTITY), float))
-            for s in series.sensors
-        },
-    )
+    q_BS = {
+        s: quat.normalize(np.asarray(mounted.get(s, quat.IDENTITY), float)) for s in series.sensors
+    }
+    others = [joint_windows.common_series(blocks, bias, behind) for behind in BEHIND]
+    every = [Pairs(s, geometry, q_BS) for s in (series, *others) if s is not None]
+    return min(every, key=_misfit)
+
+
+def _misfit(pairs: Pairs) -> float:
+    """What joints leave in the liveliest windows, as log ratios to the noise: by it the recording tells how far gyroscopes' readings are behind."""
+    series = pairs.series
+    liveliest = joint_windows.most_moved(series.gyr, FEW)
+    few = Pairs(replace(series, chosen=liveliest), pairs.geometry, pairs.q_BS)
+    fits = [few.joint(*j, j) for j in few.joints]
+    use = [few.use(*j) & few.turns(*j) for j in few.joints]
+    return float(sum(np.log1p((f.rest / f.noise)[u]).sum() for f, u in zip(fits, use)))
 
 
 @dataclass(frozen=True)

@@ -118,7 +118,9 @@ def by_vector(vectors: Array) -> Array:
     return np.swapaxes(vectors, 2, 3).reshape(*vectors.shape[:2], -1)
 
 
-def common_series(blocks: Sequence[Block], bias: Mapping[str, Array]) -> Series | None:
+def common_series(
+    blocks: Sequence[Block], bias: Mapping[str, Array], behind: float = 0.0
+) -> Series | None:
     """Bring the segments' sensors to one time base.
 
     Parameters
@@ -127,6 +129,8 @@ def common_series(blocks: Sequence[Block], bias: Mapping[str, Array]) -> Series 
         Samples of any streams, in order for each stream.
     bias : mapping
         Gyroscope biases (3,) rad/s by segment; of others the quietest second tells it, where there is one.
+    behind : float
+        Samples by which the gyroscopes' readings are behind the accelerometers': half a one where they are the mean rates since the sample before.
 
     Returns
     -------
@@ -142,7 +146,9 @@ def common_series(blocks: Sequence[Block], bias: Mapping[str, Array]) -> Series 
         return None
     begin, end = min(float(b.t[0]) for b in inertial), max(float(b.t[-1]) for b in inertial)
     t = begin + np.arange(int((end - begin) * RATE)) / RATE
-    read = {n: part for b in inertial for n, part in _sampled(b, t).items() if n in SEGMENTS}
+    read = {
+        n: part for b in inertial for n, part in _sampled(b, t, behind).items() if n in SEGMENTS
+    }
     names = tuple(s for s in SEGMENTS if s in read)
     both = np.stack([read[s][0] for s in names], axis=1)
     change = np.stack([read[s][1] for s in names], axis=1)
@@ -155,29 +161,34 @@ def common_series(blocks: Sequence[Block], bias: Mapping[str, Array]) -> Series 
     return Series(t, names, gyr, change, acc, whole, most_moved(gyr))
 
 
-def most_moved(gyr: Array) -> NDArray[np.int_]:
+def most_moved(gyr: Array, most: int = MOST_WINDOWS) -> NDArray[np.int_]:
     """Numbers (K,) of the windows in which sensors turn most, each against its own whole recording; all where they are few."""
     m = round(LENGTH * RATE)
     count = len(gyr) // m
-    if count <= MOST_WINDOWS:
+    if count <= most:
         return np.arange(count)
     turned = (gyr[: count * m] ** 2).sum(axis=2).reshape(count, m, -1).mean(axis=1)
     share = (turned / np.maximum(turned.sum(axis=0), 1e-12)).sum(axis=1)
-    return np.sort(np.argsort(-share, kind="stable")[:MOST_WINDOWS])
+    return np.sort(np.argsort(-share, kind="stable")[:most])
 
 
-def _sampled(block: Block, t: Array) -> dict[str, tuple[Array, Array, NDArray[np.bool_]]]:
+def _sampled(
+    block: Block, t: Array, behind: float
+) -> dict[str, tuple[Array, Array, NDArray[np.bool_]]]:
     """By sensor: rates and specific forces (n, 6), derivatives of the rates (n, 3), and where samples are near (n,)."""
     good = is_complete(block) & ~block.at_limit(GYR) & ~block.at_limit(ACC)
     good &= np.concatenate([[True], np.diff(block.t) > 0])[:, None]
-    values = np.concatenate([block.of(GYR), block.of(ACC)], axis=-1)
+    rates, forces = block.of(GYR), block.of(ACC)
     patterns, of_sensor = _patterns(good)
+    later = t + behind * float(np.median(np.diff(block.t)))
     found = {}
     for p, pattern in enumerate(patterns.T):  # sensors of one strip mostly miss the same samples
-        columns = np.flatnonzero(of_sensor == p)
-        both, change, near = _splined(block.t[pattern], values[pattern][:, columns], t)
+        columns, at = np.flatnonzero(of_sensor == p), block.t[pattern]
+        gyr, change, near = _splined(at, rates[pattern][:, columns], later)
+        acc, _, also_near = _splined(at, forces[pattern][:, columns], t)
         for k, column in enumerate(columns):
-            found[block.stream.sensors[column]] = both[:, k], change[:, k], near
+            both = np.concatenate([gyr[:, k], acc[:, k]], axis=-1)
+            found[block.stream.sensors[column]] = both, change[:, k], near & also_near
     return found
 
 
@@ -190,10 +201,10 @@ def _patterns(good: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.in
 
 
 def _splined(at: Array, values: Array, t: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Values (n, S, 6) at other instants, derivatives of the first three, and where samples are near (n,)."""
+    """Values (n, S, 3) at other instants, their derivatives, and where samples are near (n,)."""
     if len(at) < 10:
         nothing = np.zeros((len(t), *values.shape[1:]))
-        return nothing, nothing[..., :3], np.zeros(len(t), bool)
+        return nothing, nothing, np.zeros(len(t), bool)
     inside = np.clip(t, at[0], at[-1])
     after = np.clip(np.searchsorted(at, t), 1, len(at) - 1)
     flat = np.ascontiguousarray(values.reshape(len(at), -1))
@@ -201,7 +212,7 @@ def _splined(at: Array, values: Array, t: Array) -> tuple[Array, Array, NDArray[
     both, change = evaluate_spline(at, flat, spline_slopes(at, flat), inside, after)
     near = (at[after] - at[after - 1] < LONGEST_GAP) & (t >= at[0]) & (t <= at[-1])
     shape = (len(t), *values.shape[1:])
-    return both.reshape(shape), change.reshape(shape)[..., :3], near
+    return both.reshape(shape), change.reshape(shape), near
 
 
 def _resting_rates(gyr: Array, whole: NDArray[np.bool_]) -> Array:

@@ -67,7 +67,7 @@ def gravity_sizes(cells: Cells) -> Gravity:
 
 def accelerometer_unit(gravity: Gravity) -> str | None:
     """The unit, of UNITS, that most accelerometers read gravity in; None where it is m/s^2 or nothing known."""
-    known = np.isfinite(gravity.size)
+    known = gravity.size > 0.0
     if not known.any():
         return None
     off = {u: np.abs(np.log(gravity.size[known] / size)) for u, size in GRAVITY_IN.items()}
@@ -133,7 +133,7 @@ def _other_unit(size: float, common: str | None) -> str | None:
         (
             u
             for u, gravity in GRAVITY_IN.items()
-            if u != common and abs(np.log(size / gravity)) < np.log(AT_REST)
+            if u != common and gravity / AT_REST < size < gravity * AT_REST
         ),
         None,
     )

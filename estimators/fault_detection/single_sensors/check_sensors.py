@@ -56,7 +56,7 @@ from handscope.estimators.fault_detection.single_sensors.magnetometer_check impo
 )
 from handscope.estimators.fault_detection.single_sensors.rest_turns import RestTurn, explain, find
 from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS, odds_of
-from handscope.estimators.fault_detection.single_sensors.sudden_turns import sudden_turns
+from handscope.estimators.fault_detection.single_sensors.sudden_turns import spikes, sudden_turns
 from handscope.estimators.numerics.typing import Array
 
 RATE_OFF = 0.03  # of a rate that is told wrong, at least
@@ -85,6 +85,7 @@ CODES = (  # of all messages
     "sensor.gyroscope_gain_somewhere",
     f"sensor.{UNCLEAR}",
     "sensor.gyroscope_rests",
+    *("sensor.frozen", "sensor.spike"),
     "sensors.identical",
     "sensor.magnetometer_axes",
 )
@@ -115,8 +116,10 @@ def check_sensors(blocks: Sequence[Block], cells: Cells | None = None) -> list[S
     cells = cells_of(whole) if cells is None else cells
     frozen = frozen_stretches(whole)
     lost = [s for s in lost_rows(whole) if not _beside(s, frozen)]
-    slipped = [s for s in sudden_turns(whole) if not _beside(s, [*frozen, *lost])]
-    cells = _without(cells, [*frozen, *lost, *map(_at_its_start, slipped)])
+    stood = [*frozen, *lost]
+    seen = [s for s in spikes(whole) if not _beside(s, stood)]
+    slipped = [s for s in sudden_turns(whole) if not _beside(s, [*stood, *seen])]
+    cells = _without(cells, [*stood, *map(_at_its_start, [*seen, *slipped])])
     sizes, factor = accelerometer_sizes(cells)
     cells = replace(cells, acc=cells.acc * factor)
     gyroscopes = check_gyroscopes(cells)
@@ -126,6 +129,7 @@ def check_sensors(blocks: Sequence[Block], cells: Cells | None = None) -> list[S
         *frozen,
         *lost,
         *repeated_sensors(whole),
+        *seen,
         *sizes,
         *gyroscopes,
         *_magnetometers(cells, whole, gyroscopes),

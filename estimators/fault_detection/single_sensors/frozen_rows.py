@@ -1,4 +1,4 @@
-"""Times that run back, stretches in which every sensor of a stream repeats its last reading, and sensors that repeat another's readings: faults of the file or of the link.
+"""Times that run back, stretches in which a stream, or a sensor of it, repeats its last reading, and sensors that repeat another's readings: faults of the file or of the link.
 
 In      blocks, one a stream
 Out     suspicions with their spans
@@ -19,16 +19,18 @@ from handscope.estimators.fault_detection.finding import Message, Suspicion
 from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS
 
 SHORTEST = 0.1  # s of repeated rows that are worth a word
+NEAR = 1.0  # s: a coarse sensor repeats its readings where it rests, those beside it do not
 CHANNELS = 3  # at least: the axes of one sensor
 SMOOTH = 0.1  # of the usual step: less is readings without noise that come to rest
 JUMP, FOLLOWING = 3.0, 5  # times the steps that follow: orientations behind a gap
 ROUNDED = 1e-9  # of the largest reading: less is rounding
 EVERY = 50  # rows, of which one is compared first
 MOST_FROZEN = 0.9  # of all rows; what stood still stands beside what moved
+_Spans = tuple[tuple[float, float], ...]
 
 
 def frozen_stretches(blocks: Sequence[Block]) -> list[Suspicion]:
-    """Stretches in which all readings of a stream stand still.
+    """Stretches in which all readings of a stream stand still, or those of some of its sensors.
 
     Parameters
     ----------
@@ -38,30 +40,55 @@ def frozen_stretches(blocks: Sequence[Block]) -> list[Suspicion]:
     Returns
     -------
     list of Suspicion
-        One a stream, `file.frozen`; the probability is that of so many repeated rows by chance.
+        `file.frozen`, one a stream, else `sensor.frozen`, one for sensors that stand still at the same time; the probability is that of so many repeated rows by chance.
     """
     found = []
     for block in blocks:
-        values = block.values.reshape(len(block.t), -1)
-        if len(block.t) < 3 or values.shape[1] < CHANNELS:
-            continue
-        runs = [r for r in _runs(_repeats(values)) if block.t[r[1]] - block.t[r[0]] >= SHORTEST]
-        runs = [r for r in runs if _is_cut_off(block, values, r)]
-        rows = sum(b - a for a, b in runs)
-        if rows > MOST_FROZEN * len(block.t):  # a stream that never changes: its sensors are dead
-            continue
-        usual = (float(_repeats(values).sum()) - rows + 1.0) / (len(values) - rows + 1.0)
-        p = min(1.0, len(values) * usual ** min((b - a for a, b in runs), default=0))
-        if runs and p < FALSE_ALARMS:
-            spans = tuple((float(block.t[a]), float(block.t[b])) for a, b in runs)
-            longest = max(b - a for a, b in spans)
-            message = Message(
-                "file.frozen",
-                {"seconds": longest, "count": float(len(spans)), "at": spans[0][0]},
-                "fault",
-            )
-            found.append(Suspicion(message, block.stream.sensors, spans, p))
+        rows, sensors = block.values.reshape(len(block.t), -1), block.stream.sensors
+        whole = _standing_still(block, rows, np.inf)
+        if whole is not None:
+            found.append(_frozen("file.frozen", sensors, *whole))
+        several = len(sensors) > 1 and block.stream.inertial
+        together: dict[_Spans, tuple[list[str], float]] = {}
+        for k, sensor in enumerate(sensors if several else ()):
+            alone = _standing_still(block, block.values[:, k], NEAR)
+            if alone is not None and (whole is None or alone[0] != whole[0]):
+                named, p = together.setdefault(alone[0], ([], 1.0))
+                together[alone[0]] = [*named, sensor], min(1.0, p * len(sensors) * alone[1])
+        found += [_frozen("sensor.frozen", named, s, p) for s, (named, p) in together.items()]
     return found
+
+
+def _standing_still(
+    block: Block, values: NDArray[np.float64], near: float
+) -> tuple[_Spans, float] | None:
+    """When (s) readings (n, channels) stand still, and the probability of such by chance, given those `near` s elsewhere in which most rows are repeated; None where they do not."""
+    if len(block.t) < 3 or values.shape[1] < CHANNELS:
+        return None
+    repeats = _repeats(values)
+    runs = [r for r in _runs(repeats) if block.t[r[1]] - block.t[r[0]] >= SHORTEST]
+    runs = [r for r in runs if _is_cut_off(block, values, r)]
+    rows = sum(b - a for a, b in runs)
+    if not runs or rows > MOST_FROZEN * len(block.t):  # what never changes: its sensors are dead
+        return None
+    others = np.delete(repeats, np.concatenate([np.arange(a, b) for a, b in runs]))
+    count = int(np.clip(near / np.median(np.diff(block.t)), 1, len(others)))
+    usual = (float(np.convolve(others, np.ones(count), "valid").max()) + 1.0) / (count + 1.0)
+    p = min(1.0, len(values) * usual ** min(b - a for a, b in runs))
+    spans = tuple((float(block.t[a]), float(block.t[b])) for a, b in runs)
+    return (spans, p) if p < FALSE_ALARMS else None
+
+
+def _frozen(code: str, sensors: Sequence[str], spans: _Spans, p: float) -> Suspicion:
+    longest = max(b - a for a, b in spans)
+    values: dict[str, float | str] = {
+        "seconds": longest,
+        "count": float(len(spans)),
+        "at": spans[0][0],
+    }
+    if code.startswith("sensor."):
+        values["sensors"] = ", ".join(sensors)
+    return Suspicion(Message(code, values, "fault"), tuple(sensors), spans, p)
 
 
 def backward_times(blocks: Sequence[Block]) -> list[Suspicion]:

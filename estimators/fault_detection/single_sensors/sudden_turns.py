@@ -1,7 +1,8 @@
-"""A sensor that sits otherwise from one sample to the next, without its gyroscope seeing it turn: it slipped where samples are lost, or readings were joined.
+"""A sensor that sits otherwise from one sample to the next: without its gyroscope seeing it turn, where it slipped as samples were lost, or readings were joined; or by a turn
+that its gyroscope sees in a sample or two, which no segment makes.
 
 In      a block of an inertial stream
-Out     which sensor, by what turn, when, and how probable such a step is without one
+Out     which sensor, by what turn, when, and how probable such a step is without one; readings of a gyroscope that stand alone
 Source  one rotation explains the step of both triads; peaks over a threshold have exponential tails (Pickands 1975, Ann Stat 3:119): tail of the recording's own steps
 Limits  a turn about the vertical moves no gravity and is left alone; a turn that takes longer than a sample is seen by the gyroscope: neighbours/slips.py, finger_ekf/mounting_change.py
 """
@@ -38,16 +39,15 @@ BESIDE = (
 KNOCK = 0.05  # s behind a step that are left out of it
 DEGREE = 3  # of the course, a polynomial
 ACROSS = 0.2  # sine of the least angle between a turn's axis and the force: a kink of rates looks like a large turn about the vertical
-CLEAR = 3.0  # standard deviations of a lasting step, from which on it could not be missed
 # m/s^2, m: what a course leaves, and how far a sensor lies from where its segment turns about
 COURSE_SD, ARM_SD = 0.2, 0.05
 OF_STEP = 0.1  # largest share of a step that no rotation explains
-EXACT, EXACT_REST = (
-    0.003,
-    12.0,
-)  # the same where a hand accelerates too hard for gravity to show it: one in 20 steps of any direction is across the force within that; variances
 SEVERAL = 3  # sensors that step at once: rows are lost, no sensor slipped
 AT_ONCE = 0.1  # s
+# samples that a turn takes which its gyroscope sees; s at most: a finger that is struck turns and rests within 0.1 s
+WIDTHS, SHORTEST_STROKE = (1, 2), 0.035
+ISOLATED, ASIDE = 5.0, 8  # times the largest such turn within so many samples on either side
+RETURNED = 0.3  # of the excess: behind it the rate is what it was before; that of a finger that hits something is not
 SMALLEST = 1e-100  # probability; its logarithm has to be finite
 NO_GAP = 1.5  # usual intervals between the samples next to a step: none is missing
 LONGEST_STEP = 2.5  # usual intervals between samples; behind a longer gap the movement itself has turned the sensor
@@ -89,6 +89,61 @@ def sudden_turns(blocks: Sequence[Block]) -> list[Suspicion]:
             span = (slip.t, float(block.t[-1]))
             found.append(Suspicion(message, (slip.sensor,), (span,), slip.p_value, correction))
     return found
+
+
+def spikes(blocks: Sequence[Block]) -> list[Suspicion]:
+    """Gyroscopes that read a turn in a sample or two that no finger makes: the sensor slipped, or the reading is wrong.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+        One block a stream.
+
+    Returns
+    -------
+    list of Suspicion
+        `sensor.spike`, one a sensor; certain.
+    """
+    found = []
+    for block in blocks:
+        for k, sensor in enumerate(block.stream.sensors if block.stream.inertial else ()):
+            turns = _spikes_of(block.t, block.of(GYR)[:, k])
+            if turns:
+                largest = max(turns, key=lambda turn: turn[1])
+                values: dict[str, float | str] = {
+                    "sensor": sensor,
+                    "angle_deg": float(np.degrees(largest[1])),
+                    "start": largest[0],
+                    "count": float(len(turns)),
+                }
+                span = (min(t for t, _ in turns), float(block.t[-1]))
+                message = Message("sensor.spike", values, "fault")
+                found.append(Suspicion(message, (sensor,), (span,), 0.0))
+    return found
+
+
+def _spikes_of(t: Array, rate: Array) -> list[tuple[float, float]]:
+    """When (s) and by what angle (rad) a gyroscope's readings (n, 3) turn beyond what those beside them do."""
+    rows = np.flatnonzero(np.isfinite(rate).all(axis=1))
+    if len(rows) < 4 * ASIDE:
+        return []
+    t, rate = t[rows], rate[rows]
+    usual = float(np.median(np.diff(t)))
+    found: dict[int, float] = {}
+    for width in (w for w in WIDTHS if w * usual <= SHORTEST_STROKE):
+        before, behind = rate[: -width - 1], rate[width + 1 :]
+        inner = np.lib.stride_tricks.sliding_window_view(rate[1:-1], width, axis=0).sum(axis=2)
+        excess = np.linalg.norm(inner - 0.5 * width * (before + behind), axis=1)
+        returns = np.linalg.norm(behind - before, axis=1) < RETURNED * excess
+        whole = t[width + 1 :] - t[: -width - 1] < (width + 1) * NO_GAP * usual
+        for k in np.flatnonzero((excess * usual > LEAST) & returns & whole).tolist():
+            near = np.arange(max(0, k - ASIDE), min(len(excess), k + ASIDE + 1))
+            others = excess[near[np.abs(near - k) > width]]
+            if len(others) and excess[k] > ISOLATED * others.max():
+                at = k + 1
+                if not any(abs(at - other) <= width for other in found):
+                    found[at] = float(excess[k] * usual)
+    return [(float(t[k]), angle) for k, angle in found.items()]
 
 
 def turns_of(block: Block) -> list[SuddenTurn]:
@@ -138,7 +193,7 @@ def _of_sensor(block: Block, column: int) -> Iterator[SuddenTurn]:
         if np.linalg.norm(expected) < ACROSS * np.linalg.norm(turn[k]) * np.linalg.norm(force):
             continue
         p_gravity = _p_without(lasting, mended[0], expected)
-        if p_gravity is None or (p_gravity == 1.0 and rest[k] > EXACT_REST + EXACT * explained[k]):
+        if p_gravity is None:
             continue
         p = _of_both(p_step, p_gravity)
         if p < FALSE_ALARMS:
@@ -154,13 +209,11 @@ def _turned_back(values: Array, row: int, turn: Array) -> Array:
 def _p_without(seen: Array, mended: Array, expected: Array) -> float | None:
     """Probability of a lasting step (the first of `seen`) that a turn explains so well, which leaves `mended` of it, without one: no less than one in the places it is compared with.
 
-    None where the readings fit better without the turn, 1 where a hand accelerates too hard to tell what it should make of gravity, `expected`.
+    None where the readings fit better without the turn, or a hand accelerates too hard to tell what it should make of gravity, `expected`: a key struck hard steps like a turn.
     """
     sd, size = float(np.sqrt((seen[1:] ** 2).mean())), float(np.linalg.norm(expected))
     gained = float(seen[0] @ seen[0] - mended @ mended)
-    if sd > size or (gained < 0.0 and sd > size / CLEAR):
-        return 1.0
-    if gained < 0.0:
+    if sd > size or gained < 0.0:
         return None
     return max(float(normal_sf((gained + size**2) / (2 * size * sd))), 1.0 / len(seen))
 

@@ -45,3 +45,21 @@ def test_a_little_movement_of_the_hand_leaves_the_sign() -> None:
     sensors = worn(pulse(3.0) - pulse(6.0), 0.15 * pulse(1.0))
     axis = _flexion_axis("index_distal", sensors)
     np.testing.assert_allclose(axis, Z, atol=1e-9)
+
+
+def test_a_finger_that_is_lifted_first_shows_no_sign() -> None:
+    """As one that taps: 26 deg of hyperextension."""
+    sensors = worn(0.28 * (pulse(4.0) - pulse(1.0)), np.zeros(1000))
+    assert _flexion_axis("index_distal", sensors) is None
+
+
+def test_a_fist_that_is_made_as_the_hand_rises_shows_no_sign() -> None:
+    """The finger keeps its direction in space meanwhile, and straightens when the hand rests."""
+    sensors = worn(pulse(1.0) - pulse(4.0), -0.85 * pulse(1.0))
+    assert _flexion_axis("index_distal", sensors) is None
+
+
+def test_a_slow_turn_of_the_hand_is_no_extension() -> None:
+    slow = 0.2 * (T > 4)  # rad/s: as slow as a hand that rests
+    sensors = worn(0.3 * (pulse(1.0) - pulse(2.5)), -slow)
+    assert _flexion_axis("index_distal", sensors) is None

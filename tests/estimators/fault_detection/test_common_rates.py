@@ -1,9 +1,13 @@
 """Rates that neighbours have in common: exact of hinges, whatever the sensors' tilt, and of no other gain or delay."""
 
+from functools import cache
+from typing import Any
+
 import numpy as np
 import pytest
 
 from handscope.estimators.data.samples import GYR, Block
+from handscope.estimators.fault_detection.neighbours import joint_windows
 from handscope.estimators.fault_detection.neighbours.check_neighbours import prepare_pairs
 from handscope.estimators.fault_detection.neighbours.rates import rate_tests
 from handscope.estimators.fault_detection.neighbours.rates.common_rates import CommonRates
@@ -14,10 +18,16 @@ from handscope.estimators.fault_detection.neighbours.rates.kernels import (
     leave_rates,
     sine,
 )
-from handscope.estimators.hand.anatomy import CHAINS
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
+from handscope.estimators.pipeline.process import whole_of
+from handscope.estimators.recording_checks.check import suspicions_of
+from handscope.sessions.files.recording import LoadedRecording
+from handscope.validation.independent.recordings import write_and_load
+from handscope.validation.independent.simulator import daily_movements
+from handscope.validation.independent.simulator.free_movement import Setup
 from tests.estimators.fault_detection.joint_recordings import amplified, delayed, freely_moved
 
 DT, M, WINDOWS = 0.02, 50, 20
@@ -145,3 +155,27 @@ def test_sensors_whose_seats_are_not_known_are_not_doubted() -> None:
     assert rate_tests.find_gain(rates) is None
     assert rate_tests.find_delays(rates) == []
     assert list(rate_tests.find_unexplained(rates)) == []
+
+
+@cache
+def _drumming(**more: Any) -> LoadedRecording:
+    """Fingers that strike one after the other, by the other simulator, a hand that rests."""
+    setup = Setup(20003, fingers=FINGERS, duration=24.0, missed=np.radians(3.0), **more)
+    return write_and_load(setup, daily_movements.movement("drumming", setup))[0]
+
+
+@pytest.mark.parametrize("more", [{"law": "trailing", "skin": 2.0}, {"means": True}])
+def test_skin_that_trails_and_mean_rates_are_no_fault(more: dict[str, Any]) -> None:
+    assert [s for s in suspicions_of(_drumming(**more)) if s.message.severity != "info"] == []
+
+
+@pytest.mark.parametrize("means", [False, True])
+def test_joints_tell_whether_rates_are_means(means: bool) -> None:
+    """What they leave is as little, and the readings are taken for what they are."""
+    drumming = _drumming(means=means)
+    blocks = whole_of(drumming)
+    pairs = prepare_pairs(blocks, drumming.geometry, drumming.mounting, [])
+    assert pairs is not None
+    series = joint_windows.common_series(blocks, {}, 0.5 if means else 0.0)
+    assert series is not None
+    np.testing.assert_array_equal(pairs.series.gyr, series.gyr)

@@ -1,5 +1,6 @@
 """Faults of the file: times, frozen and lost rows, units of accelerometers, magnetometers."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from handscope.estimators.fault_detection.single_sensors.frozen_rows import (
     repeated_sensors,
 )
 from handscope.estimators.fault_detection.single_sensors.lost_rows import lost_rows
+from handscope.estimators.hand.anatomy import CHAINS
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
@@ -43,6 +45,12 @@ def test_accelerometers_in_g_are_told_once():
     ]
 
 
+def test_dead_accelerometers_are_judged_without_a_warning() -> None:
+    with warnings.catch_warnings(action="error"):
+        found = codes(with_readings(performed("initial_pose", "rom_fist"), ACC, np.zeros_like))
+    assert "file.accelerometer_unit" not in found
+
+
 def test_one_accelerometer_that_reads_too_much_at_rest_is_named():
     found = check_sensors(
         with_readings(
@@ -69,6 +77,32 @@ def test_readings_that_stand_still_are_told_with_their_span():
     (found,) = check_sensors(frozen(moved_freely(), 8.0, 9.5))
     assert found.message.code == "file.frozen"
     np.testing.assert_allclose(found.spans, [(8.0, 9.49)], atol=0.02)
+
+
+@pytest.mark.parametrize("still", [("index_middle",), CHAINS["index"]])
+def test_sensors_that_stand_still_while_others_go_on_are_named(still: tuple[str, ...]) -> None:
+    blocks = []
+    for block, stopped in zip(moved_freely(), frozen(moved_freely(), 8.0, 9.5)):
+        held = np.isin(block.stream.sensors, still)[:, None]
+        blocks.append(replace(block, values=np.where(held, stopped.values, block.values)))
+    (found,) = check_sensors(blocks)
+    assert (found.message.code, found.sensors) == ("sensor.frozen", still)
+    np.testing.assert_allclose(found.spans, [(8.0, 9.49)], atol=0.02)
+
+
+def test_a_coarse_sensor_that_rests_repeats_its_readings() -> None:
+    """Gyroscope to 0.5 deg/s, accelerometer to 0.1 m/s^2."""
+    steps = np.array([*3 * [np.radians(0.5)], *3 * [0.1]])
+    blocks = [
+        replace(
+            b,
+            values=np.round(b.values[..., :6] / steps) * steps,
+            stream=replace(b.stream, quantities=(GYR, ACC)),
+        )
+        for b in performed("rest", "rom_fist", "rest")
+        if b.stream.inertial
+    ]
+    assert frozen_stretches(blocks) == []
 
 
 def test_a_rest_without_noise_is_no_frozen_stretch():

@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 
 from handscope.estimators.data.findings import whole_streams
-from handscope.estimators.data.samples import ACC, Block
+from handscope.estimators.data.samples import ACC, GYR, Block, Stream
 from handscope.estimators.fault_detection.check import check_recording
-from handscope.estimators.fault_detection.single_sensors.sudden_turns import sudden_turns
+from handscope.estimators.fault_detection.single_sensors.check_sensors import check_sensors
+from handscope.estimators.fault_detection.single_sensors.sudden_turns import (
+    spikes,
+    sudden_turns,
+)
 from handscope.estimators.hand.anatomy import FINGERS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
@@ -106,3 +110,51 @@ def test_rows_that_are_lost_turn_no_sensor() -> None:
         for b in moved_freely()
     ]
     assert "sensor.slipped" not in [s.message.code for s in check_recording(blocks)]
+
+
+def _spiked(blocks: tuple[Block, ...], sensor: str, angle_deg: float, width: int) -> list[Block]:
+    """A gyroscope that sees its sensor turn about z within so many samples."""
+    out = []
+    for block in blocks:
+        values = block.values.copy()
+        if sensor in block.stream.sensors:
+            k, axes = block.stream.sensors.index(sensor), block.stream.axes(GYR)
+            first = int(np.searchsorted(block.t, AT))
+            rate = np.radians(angle_deg) * block.stream.rate / width
+            values[first : first + width, k, axes] += [0.0, 0.0, rate]
+        out.append(replace(block, values=values))
+    return out
+
+
+@pytest.mark.parametrize("width", [1, 2])
+@pytest.mark.parametrize("angle", [8.5, -17.0])
+def test_a_turn_within_a_sample_or_two_is_told(width: int, angle: float) -> None:
+    (found,) = check_sensors(_spiked(moved_freely(), "ring_distal", angle, width))
+    assert (found.message.code, found.sensors) == ("sensor.spike", ("ring_distal",))
+    assert found.spans[0][0] == pytest.approx(AT, abs=0.03)
+    assert found.message.values["angle_deg"] == pytest.approx(abs(angle), abs=1.5)
+
+
+def _struck(stop: float, rate: float) -> Array:
+    """Rates (n, 3) rad/s at 100 Hz of a finger that a table stops within `stop` s, once a second."""
+    t = np.arange(0.0, 20.0, 0.01)
+    since = t % 1.0
+    flexing = rate * np.sin(np.pi * np.clip(since / 0.15, 0, 0.5))
+    after = np.clip(1 - (since - 0.15) / stop, 0, 1)
+    return np.stack([0 * t, 0 * t, np.where(since < 0.15, flexing, rate * after)], axis=1)
+
+
+@pytest.mark.parametrize("stop", [1e-3, 0.02, 0.05])
+def test_a_finger_that_a_table_stops_makes_no_spike(stop: float) -> None:
+    rate = _struck(stop, np.radians(900.0))
+    values = np.concatenate([rate, np.tile([0.0, 0.0, 9.81], (len(rate), 1))], axis=1)
+    stream = Stream("imu", ("index_distal",), (GYR, ACC), 100.0)
+    assert spikes([Block(stream, np.arange(len(rate)) / 100.0, values[:, None])]) == []
+
+
+@pytest.mark.parametrize(
+    "blocks", [moved_freely(), performed("tapping"), performed("rom_fist", "open_close")]
+)
+def test_no_spike_is_told_where_fingers_move(blocks: tuple[Block, ...]) -> None:
+    assert spikes(blocks) == []
+    assert spikes(_lossy(list(blocks))) == []

@@ -33,6 +33,14 @@ def _channels(system: str, old: str, new: str) -> Break:
     )
 
 
+MOTION = f"{BASE}_tracksys-index_motion.tsv"
+
+
+def _in_ms(line: bytes) -> bytes:
+    t, rest = line.split(b"\t", 1)
+    return b"%f\t%s" % (1e3 * float(t), rest)
+
+
 def _motion(number: int, change: Callable[[str], str], system: str = "index") -> Break:
     return lambda files: with_line(files, f"_tracksys-{system}_motion.tsv", number, change)
 
@@ -220,6 +228,10 @@ BROKEN: dict[str, tuple[Break, str]] = {
     "time that stands still": (
         _motion(6, lambda line: "\t".join(["0.14", *line.split("\t")[1:]])),
         r"tracksys-index_motion.tsv, line 6: LATENCY does not increase",
+    ),
+    "time in ms": (
+        lambda files: files | {MOTION: b"\n".join(map(_in_ms, files[MOTION].splitlines())) + b"\n"},
+        r"tracksys-index_motion.tsv: by LATENCY there are 0\.\d+ samples a second",
     ),
     "time that is missing": (
         _motion(6, lambda line: "\t".join(["n/a", *line.split("\t")[1:]])),

@@ -1,5 +1,6 @@
 """Self-calibration judged from outside: the simulator shares nothing with it, its readings are of its own movement, errors are told as they are."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +34,11 @@ def test_rates_and_accelerations_add_up_to_the_movement(law: str) -> None:
     t = np.arange(0.0, 0.6, dt)
     around = free_movement._around(setup, body, movement, t)
     R, p = free_movement._worn(setup, body, movement, segment, around[3])
-    rate, force = free_movement._readings(setup, body, movement, segment, around)
+    rate, force = free_movement._readings(setup, body, movement, segment, around, 1 / dt)
+    means = free_movement._readings(
+        replace(setup, means=True), body, movement, segment, around, 1 / dt
+    )[0]
+    np.testing.assert_allclose(means[1:], 0.5 * (rate[1:] + rate[:-1]), atol=1e-3)
     turned = Rotation.identity()
     for w in 0.5 * (rate[1:] + rate[:-1]):
         turned = turned * Rotation.from_rotvec(dt * w)
@@ -56,7 +61,13 @@ def test_laws_of_skin_agree_on_what_a_right_angle_does_but_for_the_growing_one()
         name: float(law(resting, np.zeros(1))[0]) / RIGHT_ANGLE for name, law in LAWS.items()
     }
     assert at_right_angle == pytest.approx(
-        {"proportion": 1.0, "growing": 1.2, "levelling": 1 / RIGHT_ANGLE, "lagging": 1.0}
+        {
+            "proportion": 1.0,
+            "growing": 1.2,
+            "levelling": 1 / RIGHT_ANGLE,
+            "lagging": 1.0,
+            "trailing": 1.0,
+        }
     )
 
 

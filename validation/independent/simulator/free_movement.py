@@ -58,6 +58,7 @@ SHORT = 1.5e-3  # s between the instants of which differences are taken
 # central differences of the sixth order
 FIRST = np.array([-1, 9, -45, 0, 45, -9, 1]) / (60 * SHORT)
 SECOND = np.array([2, -27, 270, -490, 270, -27, 2]) / (180 * SHORT**2)
+TRAILS = 0.04  # s by which skin follows
 # rad of bending by which skin is behind, rad/s at which it is so almost wholly
 LAG, LAG_RATE = 9.0 * DEG, 60.0 * DEG
 POSED, BEGUN = 4.0, 6.0  # s, until when an initial pose is held, from when the movement is free
@@ -78,6 +79,7 @@ class Setup:
     skin: float = 1.0  # of TURN and SLIDE
     misaligned: float = 1.0  # of MISALIGNMENT
     law: str = "proportion"  # of LAWS
+    means: bool = False  # a rate is the mean since the sample before, not that of its instant
     scatter: float = 0.0  # s, standard deviation of a sample's stamp
     # rad, standard deviation of what every freedom misses an initial pose by; None: no pose
     missed: float | None = None
@@ -191,7 +193,7 @@ def written(
     for name, rate, instants, segments in strips:
         around = _around(setup, body, movement, instants)
         read = {
-            s: _spoilt(noise, sensors, s, rate, *_readings(setup, body, movement, s, around))
+            s: _spoilt(noise, sensors, s, rate, *_readings(setup, body, movement, s, around, rate))
             for s in segments
         }
         stamps = instants + np.clip(
@@ -423,11 +425,17 @@ def _lagging(bent: Callable[[Array], Array], t: Array) -> Array:
     return np.asarray(bent(t) + LAG * np.tanh(rate / LAG_RATE))
 
 
+def _trailing(bent: Callable[[Array], Array], t: Array) -> Array:
+    """Behind by a time, not by an angle."""
+    return bent(t - TRAILS)
+
+
 LAWS = {
     "proportion": _proportion,
     "growing": _growing,
     "levelling": _levelling,
     "lagging": _lagging,
+    "trailing": _trailing,
 }  # rad of bending that skin follows
 
 
@@ -473,16 +481,22 @@ def _worn(
 
 
 def _readings(
-    setup: Setup, body: Body, movement: Movement, segment: str, around: list[_Posture]
+    setup: Setup,
+    body: Body,
+    movement: Movement,
+    segment: str,
+    around: list[_Posture],
+    rate: float,
 ) -> tuple[Array, Array]:
-    """Rates (n, 3) rad/s and specific forces (n, 3) m/s^2 of a sensor without errors."""
+    """Rates (n, 3) rad/s and specific forces (n, 3) m/s^2 of a sensor without errors, at `rate` Hz."""
     worn = [_worn(setup, body, movement, segment, posture) for posture in around]
     R = worn[3][0]
     spin = np.swapaxes(R, 1, 2) @ sum(w * R for w, (R, _) in zip(FIRST, worn))
     felt = sum(w * p for w, (_, p) in zip(SECOND, worn)) + np.array([0.0, 0.0, GRAVITY])
-    return np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1), np.einsum(
-        "nji,nj->ni", R, felt
-    )
+    gyr = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
+    if setup.means:
+        gyr[1:] = rate * Rotation.from_matrix(np.swapaxes(R[:-1], 1, 2) @ R[1:]).as_rotvec()
+    return gyr, np.einsum("nji,nj->ni", R, felt)
 
 
 def _spoilt(

@@ -29,6 +29,8 @@ from handscope.estimators.numerics.typing import Array
 AVERAGED = 2  # samples of the common time base: 50 Hz
 NOISE = 0.002  # rad/s, of an averaged rate
 SCALE = 0.01  # of a rate: scale and cross-axis errors
+BESIDE = 0.5  # of what a joint pulls the skin on its segments: on the next ones; ours
+LAGGED = 5  # averaged samples, 0.1 s, within which skin that a joint pulls comes to rest; ours
 PULLED = 0.015  # of the rates of all knuckles: what they turn the hand's sensor by skin
 MISALIGNED, BIASED = 0.1, 0.01  # rad, rad/s, standard deviations of what is fitted
 EXPLAINED = 1.5  # variances that most hinges leave at most in the middle of their windows
@@ -94,7 +96,20 @@ class CommonRates:
         roots = [j for j in self.joints if j[0] == "hand"]
         of_hand = self.rates["hand"][0][:, 2] if roots else np.zeros(len(self._rows))
         squares = [(self.rates[child][0][:, 2] - of_hand) ** 2 for _, child in roots]
-        return np.asarray(np.sum(squares, axis=0))
+        return _around(np.asarray(np.sum(squares, axis=0)))
+
+    @cached_property
+    def _bending(self) -> Mapping[str, Array]:
+        """By segment: rate (n,) rad/s about the axis of flexion of the joint before it."""
+        flexing = {s: rate[:, 2] for s, (rate, _) in self.rates.items()}
+        return {child: flexing[child] - flexing[parent] for parent, child in self.pairs.joints}
+
+    def _pulled(self, joint: Joint) -> Array:
+        """Squared rates (n,) of what pulls the skin under either sensor, (rad/s)^2: this joint, and BESIDE as much the one before and the one behind it."""
+        parent, child = joint
+        beside = {parent, *(b for a, b in self.pairs.joints if a == child)}
+        others = [BESIDE * self._bending[s] for s in beside if s in self._bending]
+        return _around(np.square([self._bending[child], *others]).sum(axis=0))
 
     def left(
         self, joint: Joint, late: float = 0.0, of_parent: float = 1.0, of_child: float = 1.0
@@ -139,9 +154,15 @@ class CommonRates:
         rows, later = np.minimum(self._rows, len(parent) - 1), np.clip(later, 0, len(child) - 1)
         a, b = parent[rows] / of_parent, child[later] / of_child
         there = is_parent[rows] & is_child[later] & inside
-        variance = NOISE**2 + (SKIN * (b[:, 2] - a[:, 2])) ** 2
+        variance = NOISE**2 + SKIN**2 * self._pulled(joint)[rows]
         variance += SCALE**2 * ((a**2).sum(axis=1) + (b**2).sum(axis=1))
         if joint[0] == "hand":
             variance += PULLED**2 * self._of_knuckles[rows]
         m = round(joint_windows.LENGTH * joint_windows.RATE) // AVERAGED
         return a, b, there / variance, m, AVERAGED / joint_windows.RATE, len(DOFS[joint]) > 1
+
+
+def _around(square: Array) -> Array:
+    """Means (n,) of a squared rate over LAGGED samples on either side: skin moves on after a joint has come to rest."""
+    count = 2 * LAGGED + 1
+    return np.convolve(square, np.full(count, 1.0 / count), "same")
