@@ -15,6 +15,9 @@ from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.typing import Array
 
 SLICE = 10.0  # s of a block when a recording is gone through
+LONGEST_GAP = (
+    86400.0  # s between samples of one recording: a glove may pause over lunch, not for a day
+)
 
 
 @dataclass(frozen=True)
@@ -69,9 +72,16 @@ class LoadedRecording:
 
 
 def require_samples(recording: LoadedRecording, name: str) -> LoadedRecording:
-    """Refuse a recording without inertial samples or orientations."""
+    """Refuse a recording without inertial samples or orientations, or one whose clock was set meanwhile."""
     if not any(
         (b.stream.inertial or b.stream.oriented) and len(b.t) for b in recording.samples.values()
     ):
         raise InputError("recording.no_inertial_samples", name=name)
+    t = np.sort(np.concatenate([b.t for b in recording.samples.values()]))
+    steps = np.diff(t)
+    if len(steps) and steps.max() > LONGEST_GAP:
+        at = int(steps.argmax())
+        raise InputError(
+            "recording.clock_jumps", name=name, hours=float(steps[at]) / 3600, at=float(t[at])
+        )
     return recording

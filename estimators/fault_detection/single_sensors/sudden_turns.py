@@ -41,6 +41,10 @@ DEGREE = 3  # of the course, a polynomial
 ACROSS = 0.2  # sine of the least angle between a turn's axis and the force: a kink of rates looks like a large turn about the vertical
 # m/s^2, m: what a course leaves, and how far a sensor lies from where its segment turns about
 COURSE_SD, ARM_SD = 0.2, 0.05
+MENDED, CLEAR = (
+    0.5,
+    3.0,
+)  # share of a lasting step, and standard deviations, one of which a turn may leave at most
 OF_STEP = 0.1  # largest share of a step that no rotation explains
 SEVERAL = 3  # sensors that step at once: rows are lost, no sensor slipped
 AT_ONCE = 0.1  # s
@@ -209,11 +213,14 @@ def _turned_back(values: Array, row: int, turn: Array) -> Array:
 def _p_without(seen: Array, mended: Array, expected: Array) -> float | None:
     """Probability of a lasting step (the first of `seen`) that a turn explains so well, which leaves `mended` of it, without one: no less than one in the places it is compared with.
 
-    None where the readings fit better without the turn, or a hand accelerates too hard to tell what it should make of gravity, `expected`: a key struck hard steps like a turn.
+    None where the readings fit better without the turn, where it explains too little of the step, or a hand accelerates too hard to tell what it should make of gravity, `expected`: a key struck hard steps like a turn.
     """
     sd, size = float(np.sqrt((seen[1:] ** 2).mean())), float(np.linalg.norm(expected))
     gained = float(seen[0] @ seen[0] - mended @ mended)
     if sd > size or gained < 0.0:
+        return None
+    left = float(np.linalg.norm(mended))
+    if left > max(MENDED * float(np.linalg.norm(seen[0])), CLEAR * sd):
         return None
     return max(float(normal_sf((gained + size**2) / (2 * size * sd))), 1.0 / len(seen))
 

@@ -12,6 +12,7 @@ from handscope.estimators.data.samples import ACC, GYR, Block, Stream
 from handscope.estimators.fault_detection.check import check_recording
 from handscope.estimators.fault_detection.single_sensors.check_sensors import check_sensors
 from handscope.estimators.fault_detection.single_sensors.sudden_turns import (
+    _p_without,
     spikes,
     sudden_turns,
 )
@@ -158,3 +159,14 @@ def test_a_finger_that_a_table_stops_makes_no_spike(stop: float) -> None:
 def test_no_spike_is_told_where_fingers_move(blocks: tuple[Block, ...]) -> None:
     assert spikes(blocks) == []
     assert spikes(_lossy(list(blocks))) == []
+
+
+def test_a_turn_that_explains_little_of_a_step_is_none() -> None:
+    """As at a keystroke, whose force lasts: a turn would make an eighth of it."""
+    usual = np.random.default_rng(4).normal(0.0, 1.0, (40, 3))
+    expected = np.array([0.0, 0.0, -1.0])
+    struck = np.concatenate([[[0.0, 0.3, -7.3]], usual])
+    assert _p_without(struck, np.array([0.0, 0.3, -6.2]), 1.8 * expected) is None
+    turned = np.concatenate([[[0.2, 0.3, -3.0]], usual])
+    p = _p_without(turned, np.array([0.2, 0.3, 0.1]), 3.1 * expected)
+    assert p is not None and p < 0.05

@@ -41,6 +41,13 @@ def _in_ms(line: bytes) -> bytes:
     return b"%f\t%s" % (1e3 * float(t), rest)
 
 
+def _set_clock(lines: list[bytes]) -> list[bytes]:
+    """From the middle on in seconds since 1970."""
+    times = [line.split(b"\t", 1) for line in lines]
+    later = [(1.728e9 if k > len(lines) // 2 else 0.0) for k in range(len(lines))]
+    return [b"%f\t%s" % (float(t) + by, rest) for (t, rest), by in zip(times, later)]
+
+
 def _motion(number: int, change: Callable[[str], str], system: str = "index") -> Break:
     return lambda files: with_line(files, f"_tracksys-{system}_motion.tsv", number, change)
 
@@ -232,6 +239,10 @@ BROKEN: dict[str, tuple[Break, str]] = {
     "time in ms": (
         lambda files: files | {MOTION: b"\n".join(map(_in_ms, files[MOTION].splitlines())) + b"\n"},
         r"tracksys-index_motion.tsv: by LATENCY there are 0\.\d+ samples a second",
+    ),
+    "a clock that is set": (
+        lambda files: files | {MOTION: b"\n".join(_set_clock(files[MOTION].splitlines())) + b"\n"},
+        r"the time stamps jump by 4\.8e\+05 h",
     ),
     "time that is missing": (
         _motion(6, lambda line: "\t".join(["n/a", *line.split("\t")[1:]])),
