@@ -174,9 +174,10 @@ def empty(hand: Hand) -> Trajectory:
     )
 
 
-def join(pieces: Iterable[Trajectory], hand: Hand) -> Trajectory:
+def join(pieces: Iterable[Trajectory], hand: Hand, expected: int = 0) -> Trajectory:
     """One trajectory of consecutive pieces; those of a generator are let go as they come, so that
-    the memory is not doubled. One alone is itself."""
+    the memory is not doubled. One alone is itself. Where at most so many samples are `expected`, no
+    array is moved as it grows."""
     full: list[Trajectory] = [p for p in pieces if len(p)] if isinstance(pieces, list) else []
     if len(full) == 1:
         return full[0]
@@ -189,7 +190,7 @@ def join(pieces: Iterable[Trajectory], hand: Hand) -> Trajectory:
                 if (values := getattr(piece, name)) is None or (rows and name not in grown):
                     partial.add(name)
                 else:
-                    grown[name] = _append(grown.get(name), rows, values)
+                    grown[name] = _append(grown.get(name), rows, values, expected)
             rows += len(piece)
     if not rows:
         return empty(hand)
@@ -199,10 +200,10 @@ def join(pieces: Iterable[Trajectory], hand: Hand) -> Trajectory:
     return Trajectory(hand, **values_by_name)  # type: ignore[arg-type]
 
 
-def _append(grown: Array | None, rows: int, values: Array) -> Array:
+def _append(grown: Array | None, rows: int, values: Array, expected: int) -> Array:
     """`values` behind the first `rows` rows of an array that owns its memory and grows in place."""
     if grown is None:
-        grown = np.empty((0, *values.shape[1:]), values.dtype)
+        grown = np.empty((expected, *values.shape[1:]), values.dtype)
     needed = rows + len(values)
     if needed > len(grown):
         # the system moves pages, it copies nothing

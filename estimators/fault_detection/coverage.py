@@ -7,7 +7,7 @@ Source  every gain of `GAINS`, and delay of `LATE`, is put into the sensor: the 
 Limits  says what a fault of that size would have shown; smaller ones need more movement
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -44,6 +44,7 @@ def untested(
     calibrations: Sequence[Calibration] = (),
     named: Collection[str] = (),
     compared: Compared | None = None,
+    by_gravity: Mapping[str, Mapping[float, bool]] | None = None,
 ) -> Untested:
     """Gyroscopes, strips and fingers of which the movement tells nothing.
 
@@ -59,9 +60,11 @@ def untested(
         Sensors of which something is found: they are left out.
     compared : Compared, optional
         Of the same recording, where other checks share it.
+    by_gravity : mapping, optional
+        `shown_by_gravity` of its cells, where that was asked for before.
     """
     compared = compared or Compared(blocks, declared, calibrations)
-    by_gravity = _shown_by_gravity(compared.cells)
+    by_gravity = by_gravity or shown_by_gravity(compared.cells)
     views = compared.views
     sensors = [
         s
@@ -93,7 +96,7 @@ def _exchangeable(
     return tuple(f for f in joint_places.untested_fingers(seen, geometry) if f in fingers)
 
 
-def _shown_by_gravity(cells: Cells) -> dict[str, dict[float, bool]]:
+def shown_by_gravity(cells: Cells) -> dict[str, dict[float, bool]]:
     """By sensor of inertial streams and gain: whether gravity tells it, in movement or from one rest to the next."""
     if not len(begins(len(cells.valid))):
         return {s: dict.fromkeys(GAINS, False) for s in cells.sensors}

@@ -20,8 +20,7 @@ import numpy as np
 from handscope.estimators.data import trajectory
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.contact_constraint import kind_sd
-from handscope.estimators.data.findings import whole_streams
-from handscope.estimators.data.held_contact import held_contacts
+from handscope.estimators.data.held_contact import HeldContact, held_contacts
 from handscope.estimators.data.options import part_of
 from handscope.estimators.data.samples import Block, Recording
 from handscope.estimators.data.trajectory import Trajectory
@@ -35,15 +34,20 @@ from handscope.estimators.methods import m2, map_contacts, map_pose
 from handscope.estimators.methods.map_options import Params as Params
 from handscope.estimators.methods.map_result import (
     add_wrist_uncertainty,
+    flag_uncalibrated,
     join_fingers,
     with_deviations,
     with_solution,
 )
 from handscope.estimators.numerics import parallel
-from handscope.estimators.numerics.native_libraries import single_threaded_blas
+from handscope.estimators.numerics.native_libraries import (
+    freed_memory_returned,
+    single_threaded_blas,
+)
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.contacts import contact_messages
 from handscope.estimators.pipeline.method import Capabilities
+from handscope.estimators.pipeline.process import whole_of
 from handscope.estimators.pipeline.recording_calibration import initial_poses
 from handscope.estimators.pipeline.run import run
 from handscope.estimators.self_calibration import initialisation as self_calibration_initialisation
@@ -92,7 +96,24 @@ def solve(
 ) -> tuple[Trajectory, list[Calibration], list[str]]:
     """The whole recording. InputError where nothing moved, or no finger has sensors that hang
     together with the hand's."""
-    blocks = [b for b in whole_streams(list(recording.blocks())) if b.stream.inertial and len(b.t)]
+    fingers, worn, messages = _calibrate_stretch(params, recording, progress)
+    calibration = join_fingers(params, recording, fingers, worn)
+    held = [h for h in held_contacts(recording.events) if kind_sd(params, h) > 0]
+    if held or initial_poses(recording.events):
+        found, refused = _apply_contacts(params, recording, calibration, fingers, held)
+        messages += [*refused, *map(Sentence, contact_messages(found.outcomes))]
+        calibration = replace(
+            join_fingers(params, recording, found.fingers, worn), geometry=found.geometry
+        )
+        fingers = found.fingers
+    return _movement(params, recording, calibration, fingers), [calibration], messages
+
+
+def _calibrate_stretch(
+    params: Params, recording: Recording, progress: Callable[[float], None]
+) -> tuple[list[Finger], set[str], list[str]]:
+    """What a stretch of free movement tells of fingers and forearm, the sensors that are worn, and messages."""
+    blocks = [b for b in whole_of(recording) if b.stream.inertial]
     worn = {name for b in blocks for name in b.stream.sensors}
     if "hand" not in worn:
         raise InputError("method.no_hand_sensor")
@@ -134,30 +155,40 @@ def solve(
             for word in self_calibration_messages.describe_result(params, finger)
         ),
     ]
-    calibration = join_fingers(params, recording, fingers, worn)
-    held = [h for h in held_contacts(recording.events) if kind_sd(params, h) > 0]
-    if held or initial_poses(recording.events):
-        movement = _movement(map_pose.unseated(params), recording, calibration, fingers)
-        pose, refused = map_pose.find_pose(params, recording, movement, calibration, fingers)
-        messages += refused
-        found = map_contacts.apply(params, movement, calibration, fingers, held, pose)
-        messages += map(Sentence, contact_messages(found.outcomes))
-        calibration = replace(
-            join_fingers(params, recording, found.fingers, worn), geometry=found.geometry
-        )
-        fingers = found.fingers
-    return _movement(params, recording, calibration, fingers), [calibration], messages
+    return fingers, worn, messages
 
 
+@freed_memory_returned()
+def _apply_contacts(
+    params: Params,
+    recording: Recording,
+    calibration: Calibration,
+    fingers: Sequence[Finger],
+    held: Sequence[HeldContact],
+) -> tuple[map_contacts.Found, list[str]]:
+    """What the initial pose and held contacts tell of the fingers, and why poses are refused."""
+    movement = _movement(map_pose.unseated(params), recording, calibration, fingers)
+    pose, refused = map_pose.find_pose(params, recording, movement, calibration, fingers)
+    return map_contacts.apply(params, movement, calibration, fingers, held, pose), refused
+
+
+@freed_memory_returned()
 def _movement(
     params: Params, recording: Recording, calibration: Calibration, fingers: Sequence[Finger]
 ) -> Trajectory:
-    """The recording tracked with a calibration, its stretch as it was found, with standard deviations."""
-    tracked = trajectory.join(run(m2, params, [calibration], recording), recording.hand)
-    movement = with_deviations(
-        params, with_solution(tracked, calibration.geometry, fingers), fingers
-    )
-    return add_wrist_uncertainty(params, movement, calibration.geometry)
+    """The recording tracked with a calibration, its stretch as it was found, with standard deviations; made a piece at a time, so that the whole is in memory once."""
+
+    def describe(tracked: Trajectory) -> Trajectory:
+        found = with_solution(tracked, calibration.geometry, fingers)
+        return add_wrist_uncertainty(
+            params, with_deviations(params, found, fingers), calibration.geometry
+        )
+
+    pieces = run(m2, params, [calibration], recording)
+    longest = max(len(b.t) for b in whole_of(recording))
+    movement = trajectory.join((describe(p) for p in pieces if len(p)), recording.hand, longest)
+    flag_uncalibrated(movement, fingers)
+    return movement
 
 
 def _stretch(
@@ -187,6 +218,7 @@ class _Limb:
     read: Readings
 
 
+@freed_memory_returned()
 def _calibrate_limbs(
     params: Params,
     recording: Recording,
@@ -273,6 +305,7 @@ def _calibrate_limb(
     return described
 
 
+@freed_memory_returned()
 def _together(
     params: Params, recording: Recording, alone: list[Finger], progress: Callable[[float], None]
 ) -> tuple[list[Finger], list[str]]:

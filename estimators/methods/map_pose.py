@@ -112,14 +112,15 @@ def _track(
     fingers: Sequence[Finger],
     pose: Calibration,
 ) -> Trajectory:
-    """The movement between the stretch and a pose before or after it, from that end of the stretch."""
+    """The movement in a pose before or after the stretch, tracked from that end of it."""
     start, stop = calibration.span
     end = 0 if pose.t < start else -1
     at = (start, stop)[end]
     begun = replace(calibration, t=at, end=at, q_GS=sensor_orientations(fingers, end))
     window = _Window(recording, min(at, pose.t), max(at, pose.end))
     pieces = run(m2, unseated(params), [begun], window)
-    return trajectory.join(list(pieces), recording.hand)
+    during = (piece.between(pose.t, pose.end) for piece in pieces)
+    return trajectory.join((piece for piece in during if len(piece)), recording.hand)
 
 
 def condition(

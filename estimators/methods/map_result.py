@@ -209,10 +209,10 @@ def with_solution(
 
 
 def with_deviations(params: Params, movement: Trajectory, fingers: Sequence[Finger]) -> Trajectory:
-    """Standard deviations of the stretch, larger before and after it; fingers that were not
-    calibrated are flagged, nothing is known of them."""
+    """Standard deviations of the stretch, larger before and after it; nothing is known of fingers
+    that were not calibrated."""
     angles = np.where(np.isnan(movement.angles), np.nan, UNKNOWN)
-    tips, flags = np.where(np.isnan(movement.tips), np.nan, UNKNOWN_TIP), movement.flags.copy()
+    tips = np.where(np.isnan(movement.tips), np.nan, UNKNOWN_TIP)
     outside = (movement.t < max(f.t[0] for f in fingers)) | (
         movement.t > min(f.t[-1] for f in fingers)
     )
@@ -234,11 +234,16 @@ def with_deviations(params: Params, movement: Trajectory, fingers: Sequence[Fing
         [lost[:, [SEGMENT[s] for s in links]].any(axis=1) for links in CHAINS.values()], axis=1
     )
     tips = np.where(on_fingers[..., None] & np.isfinite(tips), UNKNOWN_TIP, tips)
+    return replace(movement, angles_sd=angles, tips_sd=tips)
+
+
+def flag_uncalibrated(movement: Trajectory, fingers: Sequence[Finger]) -> None:
+    """Flag (in place) the segments that are followed but were not calibrated: nothing is known of
+    them."""
     known = {s for f in fingers for s in f.solution.problem.chain.sensors}
     for name in SEGMENTS:
         if name not in known and np.isfinite(movement.q_GS[:, SEGMENT[name], 0]).any():
-            flags[:, SEGMENT[name]] |= np.uint8(Flag.UNCALIBRATED)
-    return replace(movement, angles_sd=angles, tips_sd=tips, flags=flags)
+            movement.flags[:, SEGMENT[name]] |= np.uint8(Flag.UNCALIBRATED)
 
 
 def add_wrist_uncertainty(

@@ -28,6 +28,7 @@ from handscope.estimators.data.samples import (
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.fault_detection.finding import NOTHING_UNTESTED, Suspicion, Untested
 from handscope.estimators.fault_detection.words import as_findings, sentence
+from handscope.estimators.numerics.native_libraries import freed_memory_returned
 from handscope.estimators.orientation.given_orientations import (
     GivenParams,
     rate_orientations,
@@ -207,6 +208,7 @@ def _calibrations(
     return calibrate(params, recording, other)
 
 
+@freed_memory_returned()
 def findings_of(recording: Recording, calibrations: Sequence[Calibration]) -> tuple[Finding, ...]:
     """What is wrong with single sensors; where there is an initial pose, also with how they sit."""
     blocks = whole_of(recording)

@@ -12,10 +12,10 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from handscope.estimators.data import trajectory
 from handscope.estimators.data.calibration import Calibration
-from handscope.estimators.data.samples import GYR, Block, Stream, join
+from handscope.estimators.data.samples import GYR, Block, Stream
 from handscope.estimators.data.trajectory import Trajectory
+from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation.fusion import FusionParams
 from handscope.estimators.pipeline.method import Method
 
@@ -47,9 +47,8 @@ def run(
         b.between(-np.inf, first.end) for b in samples.blocks() if len(b.t) and b.t[0] < first.end
     ]
     if any(b.t[0] < first.t for b in before if b.stream.inertial):
-        yield trajectory.join(
-            list(_backwards(method, params, first, samples.streams, before)), first.hand
-        ).between(-np.inf, first.t)
+        for piece in _backwards(method, params, first, samples.streams, before):
+            yield piece.between(-np.inf, first.t)
     ends = [c.t for c in calibrations[1:]] + [np.inf]
     for calibration, end in zip(calibrations, ends):
         yield from _forwards(
@@ -89,28 +88,33 @@ def _backwards(
 ) -> Iterator[Trajectory]:
     biases = {name: -bias for name, bias in calibration.gyr_bias.items()}
     turned = replace(calibration, gyr_bias=biases, t=-calibration.t, end=-calibration.t)
-    by_stream: dict[tuple[object, ...], list[Block]] = {}
-    for block in blocks:
-        by_stream.setdefault(
-            (block.stream.name, block.stream.sensors, block.stream.rate), []
-        ).append(block)
     means = isinstance(params, FusionParams) and params.gyr_reading == "mean"
-    pieces = list(
-        _forwards(
-            method, params, turned, streams, [_reverse(join(b), means) for b in by_stream.values()]
-        )
-    )
-    for piece in reversed(pieces):
+    pieces = list(_forwards(method, params, turned, streams, _reversed(blocks, means)))
+    while pieces:
+        piece = pieces.pop()
         yield replace(piece.reversed(), t=-piece.t[::-1])
 
 
-def _reverse(block: Block, means: bool) -> Block:
+def _reversed(blocks: Sequence[Block], means: bool) -> Iterator[Block]:
     """Time runs the other way; where rates are `means` since the sample before, the turn back to a
     sample is that of the following one."""
-    values = block.values[::-1].copy()
-    if GYR in block.stream.quantities:
-        gyr = block.stream.axes(GYR)
-        if means:
-            values[1:, :, gyr] = values[:-1, :, gyr].copy()
-        values[..., gyr] *= -1
-    return Block(block.stream, -block.t[::-1], values)
+    streams: dict[tuple[object, ...], Stream] = {}
+    for stream in (b.stream for b in blocks):
+        streams.setdefault(_identity(stream), stream)
+    following: dict[tuple[object, ...], Array] = {}  # rates of the sample behind a block
+    for block in (b for b in reversed(blocks) if len(b.t)):
+        key, values = _identity(block.stream), block.values[::-1].copy()
+        if GYR in block.stream.quantities:
+            gyr = block.stream.axes(GYR)
+            first = values[-1, :, gyr].copy()
+            if means:
+                values[1:, :, gyr] = values[:-1, :, gyr].copy()
+                values[0, :, gyr] = following.get(key, values[0, :, gyr])
+            following[key] = first
+            values[..., gyr] *= -1
+        yield Block(streams[key], -block.t[::-1], values)
+
+
+def _identity(stream: Stream) -> tuple[object, ...]:
+    """What blocks of one stream have in common, also where the stream is described anew."""
+    return stream.name, stream.sensors, stream.rate

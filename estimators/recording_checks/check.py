@@ -5,7 +5,7 @@ Out     the same with findings; segments of faulty sensors are flagged from when
 Limits  those of the checks: fault_detection/check.py
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,13 +17,14 @@ from handscope.estimators.data.samples import Recording
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.fault_detection.check import check_recording
-from handscope.estimators.fault_detection.coverage import untested
+from handscope.estimators.fault_detection.coverage import shown_by_gravity, untested
 from handscope.estimators.fault_detection.finding import Suspicion, Untested
 from handscope.estimators.fault_detection.neighbours.check_neighbours import Compared
 from handscope.estimators.fault_detection.words import as_findings, sentence
 from handscope.estimators.hand.anatomy import SEGMENT
 from handscope.estimators.messages.sentence import messages_of
 from handscope.estimators.methods import m2
+from handscope.estimators.numerics.native_libraries import freed_memory_returned
 from handscope.estimators.pipeline.process import Processed, whole_of
 from handscope.estimators.pipeline.recording_calibration import calibrate
 from handscope.estimators.recording_checks.free_joints import check_joints
@@ -51,6 +52,9 @@ def check_processed(processed: Processed, recording: Recording) -> Processed:
     """
     turned = {sensor for s in processed.suspicions for sensor in s.sensors}
     compared = Compared(whole_of(recording), recording, processed.calibrations)
+    # before sensors are compared: either takes a good part of a long recording's memory
+    with freed_memory_returned():
+        by_gravity = shown_by_gravity(compared.cells)
     suspicions = [
         s
         for s in suspicions_of(recording, processed.calibrations, compared)
@@ -72,7 +76,9 @@ def check_processed(processed: Processed, recording: Recording) -> Processed:
         warnings=tuple(messages),
         findings=(*processed.findings, *findings),
         suspicions=(*noticed, *suspicions),
-        untested=untested_of(recording, [*noticed, *suspicions], processed.calibrations, compared),
+        untested=untested_of(
+            recording, [*noticed, *suspicions], processed.calibrations, compared, by_gravity
+        ),
     )
 
 
@@ -131,11 +137,12 @@ def untested_of(
     suspicions: Sequence[Suspicion],
     calibrations: Sequence[Calibration] | None = None,
     compared: Compared | None = None,
+    by_gravity: Mapping[str, Mapping[float, bool]] | None = None,
 ) -> Untested:
     """What the recording's movement is too little for, but for sensors of which something is found."""
     known = calibrations_of(recording) if calibrations is None else calibrations
     named = {n for s in suspicions if s.message.severity != "info" for n in s.sensors}
-    return untested(whole_of(recording), recording, known, named, compared)
+    return untested(whole_of(recording), recording, known, named, compared, by_gravity)
 
 
 def calibrations_of(recording: Recording) -> list[Calibration]:

@@ -118,7 +118,7 @@ def freeze_samples(
     for b in blocks:
         rows, values = np.flatnonzero((b.t >= at) & (b.t < at + seconds)), b.values.copy()
         still = [k for k, name in enumerate(b.stream.sensors) if sensors is None or name in sensors]
-        values[np.ix_(rows, still)] = values[rows[0], still]
+        values[np.ix_(rows, np.array(still, int))] = values[rows[0], still]
         out.append(replace(b, values=values))
     return out
 

@@ -7,7 +7,7 @@ Limits  what the movement does not show is not found: the tests stay silent wher
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -57,7 +57,8 @@ from handscope.estimators.numerics.typing import Array
 FALSE_ALARM = 2e-4  # of each family of tests in one recording: nine of them, those of synchrony.py and finger_order.py, and those of single sensors, stay below 1 in 200
 # samples by which all gyroscopes may be behind their accelerometers: a reading is the mean rate since the one before, or accelerometers are filtered as much more
 BEHIND = (0.5, -0.5)
-FEW = 12  # windows by which these are told from readings of one instant
+FEW = 12  # windows by which these are told from readings of one instant ...
+LITTLE = 0.1  # ... if joints leave more than about a tenth of the noise
 OF_HAND = 1e-5  # the same of the declared hand: how far people's knuckles lie from the declared is known roughly
 
 
@@ -69,27 +70,33 @@ def prepare_pairs(
 ) -> Pairs | None:
     """Pair all sensors, for several checks of one recording; None where there is too little to compare."""
     known = calibrations[0] if calibrations else None
-    bias = known.gyr_bias if known else {}
+    bias, blocks = known.gyr_bias if known else {}, list(blocks)
     series = joint_windows.common_series(blocks, bias)
-    if series is None or len(series.t) < 2 * joint_windows.RATE * joint_windows.LENGTH:
+    if series is None or series.count < 2 * joint_windows.RATE * joint_windows.LENGTH:
         return None
     mounted = {**mounting, **(known.q_BS if known else {})}
     q_BS = {
         s: quat.normalize(np.asarray(mounted.get(s, quat.IDENTITY), float)) for s in series.sensors
     }
-    others = [joint_windows.common_series(blocks, bias, behind) for behind in BEHIND]
-    every = [Pairs(s, geometry, q_BS) for s in (series, *others) if s is not None]
-    return min(every, key=_misfit)
+    pairs = Pairs(series, geometry, q_BS)
+    left = _misfit(pairs)
+    for behind in BEHIND if left > LITTLE else ():
+        otherwise = joint_windows.common_series(blocks, bias, behind)
+        assert otherwise is not None
+        other = Pairs(otherwise, geometry, q_BS)
+        if (less := _misfit(other)) < left:
+            pairs, left = other, less
+    return pairs
 
 
 def _misfit(pairs: Pairs) -> float:
-    """What joints leave in the liveliest windows, as log ratios to the noise: by it the recording tells how far gyroscopes' readings are behind."""
-    series = pairs.series
-    liveliest = joint_windows.most_moved(series.gyr, FEW)
-    few = Pairs(replace(series, chosen=liveliest), pairs.geometry, pairs.q_BS)
+    """What joints leave in the liveliest windows, mean log ratio to the noise: by it the recording tells how far gyroscopes' readings are behind."""
+    few = Pairs(joint_windows.liveliest(pairs.series, FEW), pairs.geometry, pairs.q_BS)
     fits = [few.joint(*j, j) for j in few.joints]
     use = [few.use(*j) & few.turns(*j) for j in few.joints]
-    return float(sum(np.log1p((f.rest / f.noise)[u]).sum() for f, u in zip(fits, use)))
+    every = [np.log1p((f.rest / f.noise)[u]) for f, u in zip(fits, use)]
+    left = np.concatenate([np.zeros(1), *every])
+    return float(left.mean())
 
 
 @dataclass(frozen=True)
@@ -121,15 +128,15 @@ class Views:
 
 @dataclass(frozen=True)
 class Compared:
-    """Sensors of one recording as several checks compare them: computed when first asked for, once."""
+    """Sensors of one recording as several checks compare them: pairs are computed when first asked for, once."""
 
     blocks: Sequence[Block]
     declared: Recording
     calibrations: Sequence[Calibration]
 
-    @cached_property
+    @property
     def cells(self) -> Cells:
-        """Readings of every sensor by itself, of streams whose times run forward."""
+        """Readings of every sensor by itself, of streams whose times run forward; not kept, as they are half of what the recording takes."""
         return cells_of(forward_streams(whole_streams(self.blocks)))
 
     @cached_property

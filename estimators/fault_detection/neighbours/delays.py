@@ -42,7 +42,7 @@ class Delay:
 
 def find(pairs: Pairs) -> list[Delay]:
     """Late sensors, most certain first; at most one for each joint that shows it."""
-    lags, parts = _lags(), spans(float(pairs.series.t[0]), float(pairs.series.t[-1]))
+    lags, parts = _lags(), spans(*pairs.series.span)
     count = _count(pairs, parts)
     curves: Curves = {}
     return most_certain(
@@ -62,7 +62,7 @@ def p_value_of(pairs: Pairs, joint: tuple[str, str], late: float) -> float:
         return 1.0
     gain = paired_test.log_rest(wrong, noise) - paired_test.log_rest(right, noise)
     p = paired_test.p_value(gain, MARGIN, paired_test.weight(wrong, right, noise))
-    parts = spans(float(pairs.series.t[0]), float(pairs.series.t[-1]))
+    parts = spans(*pairs.series.span)
     return min(1.0, p * _count(pairs, parts))
 
 

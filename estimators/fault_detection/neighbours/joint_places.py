@@ -36,7 +36,7 @@ LENGTH_SD, LENGTH_OFF = 0.08, 0.15  # of a declared length; less is not worth a 
 LENGTH_KNOWN = 0.2  # of a length, standard deviation from which on the movement does not tell it
 FITS = 0.01  # probability from which on a hypothesis is compatible with what was seen
 FREE = 4  # of the knuckles' coordinates: where the hand's sensor sits, and the difference that an exchange makes
-FALSE_ALARM = 1e-3  # of all exchanges of two fingers in one recording
+FALSE_ALARM = 2e-4  # of all exchanges of two fingers in one recording, as of every family of check_neighbours.py
 
 
 @dataclass(frozen=True)

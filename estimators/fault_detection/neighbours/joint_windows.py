@@ -6,8 +6,8 @@ Source  acceleration of a point of a rigid body; rates integrated within a windo
 Limits  samples that are missing or saturated are bridged by splines; windows that miss more than `MOST_MISSING`, or a stretch of `MOST_EMPTY` instants, are left out
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,7 @@ from handscope.estimators.fault_detection.neighbours.window_kernels import (
     fill_windows,
     spline_slopes,
 )
+from handscope.estimators.fault_detection.single_sensors.cells import sensor_groups, taken
 from handscope.estimators.hand.anatomy import SEGMENTS
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.sensors.missing_samples import is_complete
@@ -38,7 +39,7 @@ BIAS = 0.2  # rad/s, largest zero-rate level that a second of rest may tell
 
 @dataclass(frozen=True)
 class Series:
-    """All sensors on one time base."""
+    """All sensors on one time base: a whole recording, or of a long one the seconds about the windows that are looked at."""
 
     t: Array  # (n,) s
     sensors: tuple[str, ...]
@@ -47,6 +48,8 @@ class Series:
     acc: Array  # (n, S, 3) m/s^2
     whole: NDArray[np.bool_]  # (n, S) near a sample that is there
     chosen: NDArray[np.int_]  # (K,) numbers of the windows that are looked at, in order
+    span: tuple[float, float]  # s, of the whole recording
+    count: int  # samples of the whole recording
 
 
 @dataclass(frozen=True)
@@ -146,83 +149,119 @@ def common_series(
         return None
     begin, end = min(float(b.t[0]) for b in inertial), max(float(b.t[-1]) for b in inertial)
     t = begin + np.arange(int((end - begin) * RATE)) / RATE
-    read = {
-        n: part for b in inertial for n, part in _sampled(b, t, behind).items() if n in SEGMENTS
-    }
-    names = tuple(s for s in SEGMENTS if s in read)
-    both = np.stack([read[s][0] for s in names], axis=1)
-    change = np.stack([read[s][1] for s in names], axis=1)
-    whole = np.stack([read[s][2] for s in names], axis=1)
-    gyr: Array = np.ascontiguousarray(both[..., :3])
-    acc: Array = np.ascontiguousarray(both[..., 3:])
-    level = _resting_rates(gyr, whole)
-    for k, name in enumerate(names):
-        gyr[:, k] -= bias.get(name, level[k])
-    return Series(t, names, gyr, change, acc, whole, most_moved(gyr))
+    worn = {s for b in inertial for s in b.stream.sensors}
+    names = tuple(s for s in SEGMENTS if s in worn)
+    chosen = np.arange(len(t) // round(LENGTH * RATE))
+    if len(chosen) > MOST_WINDOWS:
+        turned = np.empty((len(chosen), len(names)))
+        for group in _sensors_read(inertial, names, bias, t, behind):
+            turned[:, group.columns] = _turning(group.gyr)
+        chosen = most_moved(turned)
+    rows, first = _rows_about(chosen, len(t))
+    gyr, change, acc = np.empty((3, len(rows), len(names), 3))
+    whole = np.empty((len(rows), len(names)), bool)
+    for group in _sensors_read(inertial, names, bias, t, behind):
+        k = group.columns
+        gyr[:, k], change[:, k], acc[:, k] = group.gyr[rows], group.change[rows], group.acc[rows]
+        whole[:, k] = group.near[rows, None]
+    span = (float(t[0]), float(t[-1]))
+    return Series(t[rows], names, gyr, change, acc, whole, first, span, len(t))
 
 
-def most_moved(gyr: Array, most: int = MOST_WINDOWS) -> NDArray[np.int_]:
-    """Numbers (K,) of the windows in which sensors turn most, each against its own whole recording; all where they are few."""
+def _rows_about(chosen: NDArray[np.int_], count: int) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+    """Of `count` samples those of the chosen windows and of a second on either side of each, more than any delay that is tried, with what is behind the last full second; the windows' numbers among these."""
     m = round(LENGTH * RATE)
-    count = len(gyr) // m
-    if count <= most:
-        return np.arange(count)
-    turned = (gyr[: count * m] ** 2).sum(axis=2).reshape(count, m, -1).mean(axis=1)
+    beside = np.unique(chosen[:, None] + np.arange(-1, 2))
+    kept = beside[(beside >= 0) & (beside * m < count)]
+    rows = (kept[:, None] * m + np.arange(m)).ravel()
+    return rows[rows < count], np.searchsorted(kept, chosen)
+
+
+def liveliest(series: Series, most: int) -> Series:
+    """The same with the few windows in which sensors turn most."""
+    m = round(LENGTH * RATE)
+    turned = _turning(series.gyr[(series.chosen[:, None] * m + np.arange(m)).ravel()])
+    return replace(series, chosen=series.chosen[most_moved(turned, most)])
+
+
+def most_moved(turned: Array, most: int = MOST_WINDOWS) -> NDArray[np.int_]:
+    """Numbers (K,) of the windows in which sensors turn most (mean squares (windows, S)), each against its own whole recording."""
     share = (turned / np.maximum(turned.sum(axis=0), 1e-12)).sum(axis=1)
     return np.sort(np.argsort(-share, kind="stable")[:most])
 
 
-def _sampled(
-    block: Block, t: Array, behind: float
-) -> dict[str, tuple[Array, Array, NDArray[np.bool_]]]:
-    """By sensor: rates and specific forces (n, 6), derivatives of the rates (n, 3), and where samples are near (n,)."""
-    good = is_complete(block) & ~block.at_limit(GYR) & ~block.at_limit(ACC)
-    good &= np.concatenate([[True], np.diff(block.t) > 0])[:, None]
-    rates, forces = block.of(GYR), block.of(ACC)
-    patterns, of_sensor = _patterns(good)
-    later = t + behind * float(np.median(np.diff(block.t)))
-    found = {}
-    for p, pattern in enumerate(patterns.T):  # sensors of one strip mostly miss the same samples
-        columns, at = np.flatnonzero(of_sensor == p), block.t[pattern]
-        gyr, change, near = _splined(at, rates[pattern][:, columns], later)
-        acc, _, also_near = _splined(at, forces[pattern][:, columns], t)
-        for k, column in enumerate(columns):
-            both = np.concatenate([gyr[:, k], acc[:, k]], axis=-1)
-            found[block.stream.sensors[column]] = both, change[:, k], near & also_near
-    return found
+def _turning(gyr: Array) -> Array:
+    """Mean squares (windows, S) of rates (n, S, 3)."""
+    m, S = round(LENGTH * RATE), gyr.shape[1]
+    count = len(gyr) // m
+    squares = (gyr[: count * m] ** 2).sum(axis=2)
+    return np.asarray(squares.reshape(count, m, S).mean(axis=1))
 
 
-def _patterns(good: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.int_]]:
-    """Different columns (n, patterns), and which of them each column is."""
-    if (good == good[:, :1]).all():
-        return good[:, :1], np.zeros(good.shape[1], int)
-    patterns, of_column = np.unique(good, axis=1, return_inverse=True)
-    return patterns, of_column.ravel()
+@dataclass(frozen=True)
+class _Group:
+    """Some sensors of a stream that miss the same samples, on the common time base."""
+
+    columns: NDArray[np.int_]  # (S,) numbers of the sensors
+    gyr: Array  # (n, S, 3) rad/s, biases removed
+    change: Array  # (n, S, 3) rad/s^2
+    acc: Array  # (n, S, 3) m/s^2
+    near: NDArray[np.bool_]  # (n,) where samples are near
 
 
-def _splined(at: Array, values: Array, t: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+def _sensors_read(
+    blocks: Sequence[Block],
+    names: Sequence[str],
+    bias: Mapping[str, Array],
+    t: Array,
+    behind: float,
+) -> Iterator[_Group]:
+    """The sensors, a few at a time: splines of all take several times the memory of the recording."""
+    for block in blocks:
+        good = is_complete(block) & ~block.at_limit(GYR) & ~block.at_limit(ACC)
+        good &= np.concatenate([[True], np.diff(block.t) > 0])[:, None]
+        later = t + behind * float(np.median(np.diff(block.t)))
+        worn = np.flatnonzero([s in names for s in block.stream.sensors])
+        for there, own in sensor_groups(good, worn):
+            at = np.ascontiguousarray(block.t[there])
+            rates = taken(block, GYR, there, own)
+            gyr, change, near = _spline(at, _at_instants(rates) if behind > 0 else rates, later)
+            acc, _, also_near = _spline(at, taken(block, ACC, there, own), t)
+            near &= also_near
+            columns = [names.index(block.stream.sensors[k]) for k in own]
+            level = _resting_rates(gyr, near)
+            known = [bias.get(names[k], one) for k, one in zip(columns, level)]
+            yield _Group(np.array(columns), gyr - known, change, acc, near)
+
+
+def _at_instants(means: Array) -> Array:
+    """Rates in the middle of each sample (n, S, 3) whose mean is that, which lacks a 24th of the second difference where they bend (Taylor)."""
+    rates = np.array(means)
+    rates[1:-1] -= np.diff(means, 2, axis=0) / 24
+    return rates
+
+
+def _spline(at: Array, values: Array, t: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Values (n, S, 3) at other instants, their derivatives, and where samples are near (n,)."""
+    shape = (len(t), *values.shape[1:])
     if len(at) < 10:
-        nothing = np.zeros((len(t), *values.shape[1:]))
-        return nothing, nothing, np.zeros(len(t), bool)
+        return np.zeros(shape), np.zeros(shape), np.zeros(len(t), bool)
     inside = np.clip(t, at[0], at[-1])
     after = np.clip(np.searchsorted(at, t), 1, len(at) - 1)
     flat = np.ascontiguousarray(values.reshape(len(at), -1))
-    at = np.ascontiguousarray(at)
     both, change = evaluate_spline(at, flat, spline_slopes(at, flat), inside, after)
     near = (at[after] - at[after - 1] < LONGEST_GAP) & (t >= at[0]) & (t <= at[-1])
-    shape = (len(t), *values.shape[1:])
     return both.reshape(shape), change.reshape(shape), near
 
 
-def _resting_rates(gyr: Array, whole: NDArray[np.bool_]) -> Array:
+def _resting_rates(gyr: Array, near: NDArray[np.bool_]) -> Array:
     """Mean rates (S, 3) of the quietest second; zero where no second is quiet."""
     half, S = round(RATE / 2), gyr.shape[1]
     count = len(gyr) // half
     if count < 2:
         return np.zeros((S, 3))
     part = gyr[: count * half].reshape(count, half, S, 3)
-    there = whole[: count * half].reshape(count, half, S).mean(axis=1)
+    there = near[: count * half].reshape(count, half).mean(axis=1)
     mean, square = ((v[1:] + v[:-1]) / 2 for v in (part.mean(axis=1), (part**2).mean(axis=1)))
     spread = np.sqrt(np.maximum(square - mean**2, 0.0)).max(axis=2)
     spread[np.minimum(there[1:], there[:-1]) < 1 - MOST_MISSING] = np.inf

@@ -64,14 +64,13 @@ class Pairs:
         """The same in windows that begin half a window later."""
         first, s = round(0.5 * joint_windows.LENGTH * joint_windows.RATE), self.series
         return Pairs(
-            Series(
-                s.t[first:],
-                s.sensors,
-                s.gyr[first:],
-                s.change[first:],
-                s.acc[first:],
-                s.whole[first:],
-                s.chosen,
+            replace(
+                s,
+                t=s.t[first:],
+                gyr=s.gyr[first:],
+                change=s.change[first:],
+                acc=s.acc[first:],
+                whole=s.whole[first:],
             ),
             self.geometry,
             self.q_BS,

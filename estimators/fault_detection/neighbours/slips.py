@@ -52,7 +52,7 @@ class Slip:
 
 def find(pairs: Pairs) -> Slip | None:
     """The most certain slip, with the probability of such a change without any."""
-    begin, end = float(pairs.series.t[0]), float(pairs.series.t[-1])
+    begin, end = pairs.series.span
     if not pairs.joints:
         return None
     at = begin + np.array(SPLITS) * (end - begin)
@@ -72,7 +72,7 @@ def find_jump(pairs: Pairs) -> Slip | None:
 
     So it looks where samples of the slip are lost, or where readings before and after were joined.
     """
-    tests = 2 * len(pairs.series.t) / joint_windows.RATE * len(pairs.series.sensors)
+    tests = 2 * pairs.series.count / joint_windows.RATE * len(pairs.series.sensors)
     found = [
         _jumped(each, sensor, tests)
         for each in (pairs, pairs.later)

@@ -27,7 +27,7 @@ SEVERITY: Literal["warning"] = (
 
 def whole_span(pairs: Pairs) -> tuple[float, float]:
     """Beginning and end (s) of what was compared."""
-    return float(pairs.series.t[0]), float(pairs.series.t[-1])
+    return pairs.series.span
 
 
 def of_exchange(found: Exchange, pairs: Pairs) -> Suspicion:
@@ -112,7 +112,7 @@ def of_slip(found: Slip, pairs: Pairs) -> Suspicion:
         "start": found.start,
         "odds": odds_of(found.p_value),
     }
-    span = (found.start, float(pairs.series.t[-1]))
+    span = (found.start, pairs.series.span[1])
     correction = None if found.is_seen else {"turn": quat.exp(found.turn), "start": found.start}
     return Suspicion(
         Message("sensor.slipped", values, SEVERITY),

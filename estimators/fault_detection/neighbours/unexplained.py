@@ -93,7 +93,7 @@ def spans_of(
     would = np.median(rest[odd]) * square / np.median(square[odd])
     agree = pairs.use(*joint) & ~odd & (rest < CLEARLY_LESS * would)
     first, last = float(t[odd][0]), float(t[odd][-1]) + LENGTH
-    begin, end = (float(pairs.series.t[k]) for k in (0, -1))
+    begin, end = pairs.series.span
     since = first if np.count_nonzero(agree & (t < first)) >= FEWEST else begin
     until = last if np.count_nonzero(agree & (t >= last)) >= FEWEST else end
     return (first, min(last, end)), (since, min(until, end))

@@ -122,7 +122,7 @@ def find(vibration: Vibration, faulty: Collection[str] = ()) -> list[Delay]:
     """Late sensors and strips, most certain first; at most one for each joint that shows it, none at joints of `faulty` sensors."""
     pairs = vibration.pairs
     t = pairs.windows(pairs.series.sensors[0]).t
-    parts = delays.spans(float(pairs.series.t[0]), float(pairs.series.t[-1]))
+    parts = delays.spans(*pairs.series.span)
     return delays.most_certain(
         [j for j in pairs.joints if not {*j} & {*faulty} and vibration.is_odd(j)],
         delays.groups(pairs),

@@ -5,14 +5,14 @@ Out     mean rate and mean specific force of every sensor in every cell, and whe
 Limits  a gap up to GAP is bridged by a straight line, a longer one leaves its cells without samples
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from handscope.estimators.data.samples import ACC, GYR, Block
+from handscope.estimators.data.samples import ACC, GYR, Block, every
 from handscope.estimators.fault_detection.single_sensors.sample_kernels import integrals_at
 from handscope.estimators.numerics.typing import Array
 
@@ -23,6 +23,7 @@ BEYOND, OFTEN = (
 )  # of full scale, share of readings: a full scale that readings pass is not theirs
 CHAIN, WINDOW, HOP = 250, 50, 25  # cells: 5 s in one frame, averaged over 1 s, every 0.5 s
 KNOTS = (CHAIN - WINDOW) // HOP + 1
+AT_ONCE = 100_000  # readings of sensors of which something is made at once: a minute of 16
 GAP = 0.065  # s bridged by a straight line: six samples at 100 Hz
 
 
@@ -94,13 +95,13 @@ def cells_of(blocks: Sequence[Block]) -> Cells:
         return Cells((), 0.0, np.zeros((0, 0, 3)), np.zeros((0, 0, 3)), np.zeros((0, 0), bool))
     start, stop = min(b.t[0] for b in inertial), max(b.t[-1] for b in inertial)
     edges = start + CELL * np.arange(int((stop - start) / CELL) + 1)
-    parts = [means_of(block, (GYR, ACC), edges) for block in inertial]
     sensors = tuple(s for b in inertial for s in b.stream.sensors)
-    values, valid = (
-        np.concatenate([v for v, _ in parts], axis=1),
-        np.concatenate([k for _, k in parts], axis=1),
-    )
-    gyr, acc = (np.ascontiguousarray(v) for v in (values[..., :3], values[..., 3:]))
+    gyr, acc = np.empty((2, len(edges) - 1, len(sensors), 3))
+    valid, first = np.empty((len(edges) - 1, len(sensors)), bool), 0
+    for block in inertial:
+        own = slice(first, first + len(block.stream.sensors))
+        means, valid[:, own] = means_of(block, (GYR, ACC), edges)
+        gyr[:, own], acc[:, own], first = means[..., :3], means[..., 3:], own.stop
     return Cells(sensors, float(start), gyr, acc, valid)
 
 
@@ -108,26 +109,63 @@ def means_of(
     block: Block, quantities: tuple[str, ...], edges: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Means of quantities (cells, sensors, 3 a quantity) between edges (cells + 1,) s, and whether cells rest on samples (cells, sensors)."""
-    values = np.concatenate([block.of(q) for q in quantities], axis=-1)
-    usable = np.isfinite(values).all(axis=-1) & ~np.any(
-        [_at_limit(block, q) for q in quantities], axis=0
-    )
-    if usable.all():
-        means, valid = _cell_means(block.t, values, edges)
-        return means, np.broadcast_to(valid[:, None], means.shape[:2])
-    means, valid = (
-        np.zeros((len(edges) - 1, *values.shape[1:])),
-        np.zeros((len(edges) - 1, values.shape[1]), bool),
-    )
-    patterns, of_sensor = np.unique(usable, axis=1, return_inverse=True)
-    for k, pattern in enumerate(patterns.T):  # sensors of one strip mostly miss the same samples
+    usable = np.all([_is_usable(block, q) for q in quantities], axis=0)
+    means = np.zeros((len(edges) - 1, usable.shape[1], 3 * len(quantities)))
+    valid = np.zeros(means.shape[:2], bool)
+    for pattern, columns in sensor_groups(usable):
         if pattern.sum() > 1:
-            columns = np.flatnonzero(of_sensor.ravel() == k)
-            means[:, columns], own = _cell_means(
-                block.t[pattern], values[pattern][:, columns], edges
+            t = block.t[pattern]
+            values = np.concatenate(
+                [taken(block, q, pattern, columns) for q in quantities], axis=-1
             )
+            means[:, columns], own = _cell_means(t, values, edges)
             valid[:, columns] = own[:, None]
     return means, valid
+
+
+def _is_usable(block: Block, quantity: str) -> NDArray[np.bool_]:
+    """Readings (n, sensors) of a quantity that are there and not at its limit."""
+    return np.asarray(every(np.isfinite(block.of(quantity))) & ~_at_limit(block, quantity))
+
+
+def taken(block: Block, quantity: str, rows: NDArray[np.bool_], columns: NDArray[np.intp]) -> Array:
+    """A quantity of some samples and sensors of a group; of all without a copy."""
+    values = block.of(quantity)
+    values = values if len(columns) == values.shape[1] else values[:, columns]
+    return values if rows.all() else values[rows]
+
+
+def sensor_groups(
+    usable: NDArray[np.bool_], sensors: NDArray[np.intp] | None = None
+) -> Iterator[tuple[NDArray[np.bool_], NDArray[np.intp]]]:
+    """Sensors (all, or these) with the same usable samples (n,), those of one strip mostly; of a long recording a few at a time, as what is made of all takes several times its memory.
+
+    Parameters
+    ----------
+    usable : Array
+        (n, sensors).
+    sensors : Array, optional
+        Columns of it that are wanted.
+    """
+    sensors = np.arange(usable.shape[1]) if sensors is None else sensors
+    at_once = max(1, AT_ONCE // max(len(usable), 1))
+    for pattern, columns in _patterns(usable[:, sensors]):
+        for k in range(0, len(columns), at_once):
+            yield pattern, sensors[columns[k : k + at_once]]
+
+
+def _patterns(
+    usable: NDArray[np.bool_],
+) -> Iterator[tuple[NDArray[np.bool_], NDArray[np.intp]]]:
+    """Different columns (n,) of samples that are there, and which sensors have each."""
+    if not usable.shape[1]:
+        return
+    if (usable == usable[:, :1]).all():
+        yield usable[:, 0], np.arange(usable.shape[1])
+        return
+    patterns, of_sensor = np.unique(usable, axis=1, return_inverse=True)
+    for k, pattern in enumerate(patterns.T):
+        yield pattern, np.flatnonzero(of_sensor.ravel() == k)
 
 
 def _at_limit(block: Block, quantity: str) -> NDArray[np.bool_]:

@@ -75,6 +75,7 @@ def solve(
         if last and _is_near(last[0], result)
         else hand_equations.factorise(result.problem, result.at)
     )
+    last.clear()
     pulls = sandwich_covariance.hand_pulls(result.problem, result.at, raw)
     factor = replace(
         raw,
@@ -146,8 +147,9 @@ def _linearise(
     cost = hand_residuals.cost(problem, at)
 
     def damped(damping: float) -> HandPlace:
+        last.clear()  # two at once would be most of what is in memory
         factor = hand_equations.factorise(problem, at, damping)
-        last[:] = [_Factored(cost, factor)]
+        last.append(_Factored(cost, factor))
         step = hand_equations.solve_step(factor)
         return whole_hand_problem.apply_hand_increment(at, problem, step.turns, step.parameters)
 

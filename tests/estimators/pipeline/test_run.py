@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from handscope.estimators.alignment import initial_pose
 from handscope.estimators.data import trajectory
@@ -115,3 +116,17 @@ def test_backwards_mean_rates_turn_from_the_sample_behind() -> None:
         averaged[name] = Block(block.stream, block.t, values)
     moved = tracked(replace(recording, samples=averaged), replace(INSTANT, gyr_reading="mean"))
     assert np.nanmax(np.abs(moved.angles - recording.truth.angles)) < 0.15 * DEG
+
+
+@pytest.mark.parametrize("gyr_reading", ["sample", "mean"])
+def test_what_lies_before_the_pose_may_be_cut_anywhere(gyr_reading: str) -> None:
+    recording = _wiggle_first()
+    params, found = replace(INSTANT, gyr_reading=gyr_reading), calibrated(recording)
+    whole = tuple(recording.samples.values())
+    edges = [-np.inf, 0.013, 2.5, 2.51, 7.0, np.inf]
+    cut = tuple(b.between(*span) for span in zip(edges, edges[1:]) for b in whole)
+    made = [
+        trajectory.join(run.run(m2, params, [found], Samples(recording.streams, blocks)), "left")
+        for blocks in (whole, cut)
+    ]
+    assert_same(*made)

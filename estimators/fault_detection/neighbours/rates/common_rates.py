@@ -98,19 +98,6 @@ class CommonRates:
         squares = [(self.rates[child][0][:, 2] - of_hand) ** 2 for _, child in roots]
         return _around(np.asarray(np.sum(squares, axis=0)))
 
-    @cached_property
-    def _bending(self) -> Mapping[str, Array]:
-        """By segment: rate (n,) rad/s about the axis of flexion of the joint before it."""
-        flexing = {s: rate[:, 2] for s, (rate, _) in self.rates.items()}
-        return {child: flexing[child] - flexing[parent] for parent, child in self.pairs.joints}
-
-    def _pulled(self, joint: Joint) -> Array:
-        """Squared rates (n,) of what pulls the skin under either sensor, (rad/s)^2: this joint, and BESIDE as much the one before and the one behind it."""
-        parent, child = joint
-        beside = {parent, *(b for a, b in self.pairs.joints if a == child)}
-        others = [BESIDE * self._bending[s] for s in beside if s in self._bending]
-        return _around(np.square([self._bending[child], *others]).sum(axis=0))
-
     def left(
         self, joint: Joint, late: float = 0.0, of_parent: float = 1.0, of_child: float = 1.0
     ) -> Array:
@@ -133,6 +120,20 @@ class CommonRates:
             self._near[key] = leave_rates(*self._problem(key), x)
         return self._near[key]
 
+    def _pulled(
+        self,
+        joint: Joint,
+        parent: Array,
+        child: Array,
+        rows: NDArray[np.int_],
+        later: NDArray[np.int_],
+    ) -> Array:
+        """Squared rates (n,) of what pulls the skin under sensors that flex at these rates, (rad/s)^2: their joint, and BESIDE as much the one before and the one behind it."""
+        before = [self.rates[a][0][rows, 2] - parent for a, b in self.pairs.joints if b == joint[0]]
+        behind = [self.rates[b][0][later, 2] - child for a, b in self.pairs.joints if a == joint[1]]
+        others = (np.square(rate) for rate in (*before, *behind))
+        return np.asarray((child - parent) ** 2 + BESIDE**2 * sum(others))
+
     def _fit(
         self, key: tuple[Joint, float, float, float], near: Array | None
     ) -> tuple[Array, Array]:
@@ -154,7 +155,8 @@ class CommonRates:
         rows, later = np.minimum(self._rows, len(parent) - 1), np.clip(later, 0, len(child) - 1)
         a, b = parent[rows] / of_parent, child[later] / of_child
         there = is_parent[rows] & is_child[later] & inside
-        variance = NOISE**2 + SKIN**2 * self._pulled(joint)[rows]
+        pulled = self._pulled(joint, a[:, 2], b[:, 2], rows, later)
+        variance = NOISE**2 + SKIN**2 * _around(pulled)
         variance += SCALE**2 * ((a**2).sum(axis=1) + (b**2).sum(axis=1))
         if joint[0] == "hand":
             variance += PULLED**2 * self._of_knuckles[rows]

@@ -70,7 +70,7 @@ def p_value_of_delay(rates: CommonRates, joint: Joint, late: float) -> float:
     wrong, right = rates.left(joint, late), rates.left(joint)
     if not _is_odd(wrong):
         return 1.0
-    spans = delays.spans(float(rates.pairs.series.t[0]), float(rates.pairs.series.t[-1]))
+    spans = delays.spans(*rates.pairs.series.span)
     return min(1.0, _tested(wrong[None], right[None])[0] * _count_of_delays(rates, spans))
 
 
@@ -115,7 +115,7 @@ def _best_gain(rates: CommonRates, sensor: str) -> Gain:
 def find_delays(rates: CommonRates, faulty: Sequence[str] = ()) -> list[Delay]:
     """Late sensors and strips, most certain first; at most one for each joint that shows it."""
     groups = delays.groups(rates.pairs)
-    spans = delays.spans(float(rates.pairs.series.t[0]), float(rates.pairs.series.t[-1]))
+    spans = delays.spans(*rates.pairs.series.span)
     lags, count = _lags(), _count_of_delays(rates, spans)
     odd = [j for j in _odd_joints(rates) if not set(j) & set(faulty)]
     odd = [j for j in odd if _may_be_late(rates, j, lags[::2], spans)]
