@@ -82,6 +82,6 @@ def require_samples(recording: LoadedRecording, name: str) -> LoadedRecording:
     if len(steps) and steps.max() > LONGEST_GAP:
         at = int(steps.argmax())
         raise InputError(
-            "recording.clock_jumps", name=name, hours=float(steps[at]) / 3600, at=float(t[at])
+            "recording.clock_jumps", name=name, days=float(steps[at]) / 86400, at=float(t[at])
         )
     return recording

@@ -45,6 +45,8 @@ MENDED, CLEAR = (
     0.5,
     3.0,
 )  # share of a lasting step, and standard deviations, one of which a turn may leave at most
+# where gravity tells nothing: probability of the step alone (keys that are struck hard reach 1e-8), and variances, the largest share of it, that no rotation explains
+ALONE, EXACT_REST, EXACT = 1e-12, 12.0, 0.003
 OF_STEP = 0.1  # largest share of a step that no rotation explains
 SEVERAL = 3  # sensors that step at once: rows are lost, no sensor slipped
 AT_ONCE = 0.1  # s
@@ -197,7 +199,8 @@ def _of_sensor(block: Block, column: int) -> Iterator[SuddenTurn]:
         if np.linalg.norm(expected) < ACROSS * np.linalg.norm(turn[k]) * np.linalg.norm(force):
             continue
         p_gravity = _p_without(lasting, mended[0], expected)
-        if p_gravity is None:
+        is_exact = p_step < ALONE and rest[k] < EXACT_REST + EXACT * explained[k]
+        if p_gravity is None or (p_gravity == 1.0 and not is_exact):
             continue
         p = _of_both(p_step, p_gravity)
         if p < FALSE_ALARMS:
@@ -213,11 +216,13 @@ def _turned_back(values: Array, row: int, turn: Array) -> Array:
 def _p_without(seen: Array, mended: Array, expected: Array) -> float | None:
     """Probability of a lasting step (the first of `seen`) that a turn explains so well, which leaves `mended` of it, without one: no less than one in the places it is compared with.
 
-    None where the readings fit better without the turn, where it explains too little of the step, or a hand accelerates too hard to tell what it should make of gravity, `expected`: a key struck hard steps like a turn.
+    None where the readings fit better without the turn, or where it explains too little of the step; 1 where a hand accelerates too hard to tell what it should make of gravity, `expected`.
     """
     sd, size = float(np.sqrt((seen[1:] ** 2).mean())), float(np.linalg.norm(expected))
     gained = float(seen[0] @ seen[0] - mended @ mended)
-    if sd > size or gained < 0.0:
+    if sd > size:
+        return 1.0
+    if gained < 0.0:
         return None
     left = float(np.linalg.norm(mended))
     if left > max(MENDED * float(np.linalg.norm(seen[0])), CLEAR * sd):

@@ -170,3 +170,5 @@ def test_a_turn_that_explains_little_of_a_step_is_none() -> None:
     turned = np.concatenate([[[0.2, 0.3, -3.0]], usual])
     p = _p_without(turned, np.array([0.2, 0.3, 0.1]), 3.1 * expected)
     assert p is not None and p < 0.05
+    shaken = np.concatenate([[[0.2, 0.3, -3.0]], 4.5 * usual])
+    assert _p_without(shaken, np.array([0.2, 0.3, 0.1]), 3.1 * expected) == 1.0  # tells nothing
