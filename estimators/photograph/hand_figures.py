@@ -19,7 +19,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, Hand, side_sign
@@ -159,9 +158,13 @@ def _causes(views: Sequence[View], mark_sd: float) -> Array:
     n = len(LANDMARKS)
     sd = mark_sd * np.where(np.array(LANDMARKS) == "thumb_cmc", HIDDEN, 1.0)
     marks = np.diag(np.repeat(sd, 2) ** 2)
-    heights = np.eye(1 + n) * HEIGHT_SD**2 / 2
-    own = [block for view in views for block in (view.camera.covariance, marks)]
-    return np.asarray(block_diag(heights, *own))
+    blocks = [np.eye(1 + n) * HEIGHT_SD**2 / 2]
+    blocks += [block for view in views for block in (view.camera.covariance, marks)]
+    covariance, first = np.zeros((sum(map(len, blocks)),) * 2), 0
+    for block in blocks:
+        rows = slice(first, first + len(block))
+        covariance[rows, rows], first = block, first + len(block)
+    return covariance
 
 
 def landmark_heights(hand_length: float) -> Array:
