@@ -2,8 +2,8 @@
 
 In      whole inertial streams, a stretch of time
 Out     Readings at about 100 Hz; missing and clipped samples are bridged and get a large noise factor
-Source  streams with clocks of their own are brought to the hand's samples by cubics through four samples (Lagrange); means of faster samples by what
-        they lack where a signal bends, Taylor to T^2
+Source  streams with clocks of their own are brought to the hand's samples by cubics through four samples (Lagrange); means of faster samples:
+        sensors/mean_readings.py
 Limits  sensors' noise is taken to be white, of the same density at every rate: a mean over faster samples is as noisy as one sample at the mean's rate
 """
 
@@ -18,6 +18,7 @@ from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.orientation.resampling import fit_times
 from handscope.estimators.self_calibration.problem import Chain, Readings, build_chain
 from handscope.estimators.sensors import saturation
+from handscope.estimators.sensors.mean_readings import correct_means
 
 RATE = 100.0  # Hz, as in the thesis: faster samples are averaged to about this rate
 DOUBTFUL = 1e3  # factor on the noise of a missing or clipped sample
@@ -103,13 +104,6 @@ def _deviation_from_neighbours(t: Array, values: Array) -> Array:
     """How far values (n, m) lie from the line between those before and behind (n-2, m)."""
     share = ((t[1:-1] - t[:-2]) / (t[2:] - t[:-2]))[:, None]
     return np.asarray(values[1:-1] - (1 - share) * values[:-2] - share * values[2:])
-
-
-def correct_means(means: Array, each: int) -> Array:
-    """Means of so many samples (n, ...) as what was read in the middle of each: a mean of m over T is off by T^2 / 24 (1 - 1 / m^2) second derivatives."""
-    v = means.copy()
-    v[1:-1] -= (1 - 1 / each**2) / 24 * np.diff(means, 2, axis=0)
-    return v
 
 
 def drop_silent_sensors(

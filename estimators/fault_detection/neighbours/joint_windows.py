@@ -23,6 +23,7 @@ from handscope.estimators.fault_detection.neighbours.window_kernels import (
 from handscope.estimators.fault_detection.single_sensors.cells import sensor_groups, taken
 from handscope.estimators.hand.anatomy import SEGMENTS
 from handscope.estimators.numerics.typing import Array
+from handscope.estimators.sensors.mean_readings import correct_means
 from handscope.estimators.sensors.missing_samples import is_complete
 
 RATE = 100.0  # Hz, of the common time base
@@ -225,20 +226,15 @@ def _sensors_read(
         for there, own in sensor_groups(good, worn):
             at = np.ascontiguousarray(block.t[there])
             rates = taken(block, GYR, there, own)
-            gyr, change, near = _spline(at, _at_instants(rates) if behind > 0 else rates, later)
+            if behind > 0:  # means since the sample before
+                rates = correct_means(rates, np.inf)
+            gyr, change, near = _spline(at, rates, later)
             acc, _, also_near = _spline(at, taken(block, ACC, there, own), t)
             near &= also_near
             columns = [names.index(block.stream.sensors[k]) for k in own]
             level = _resting_rates(gyr, near)
             known = [bias.get(names[k], one) for k, one in zip(columns, level)]
             yield _Group(np.array(columns), gyr - known, change, acc, near)
-
-
-def _at_instants(means: Array) -> Array:
-    """Rates in the middle of each sample (n, S, 3) whose mean is that, which lacks a 24th of the second difference where they bend (Taylor)."""
-    rates = np.array(means)
-    rates[1:-1] -= np.diff(means, 2, axis=0) / 24
-    return rates
 
 
 def _spline(at: Array, values: Array, t: Array) -> tuple[Array, Array, NDArray[np.bool_]]:

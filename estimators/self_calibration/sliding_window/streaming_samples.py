@@ -13,8 +13,8 @@ import numpy as np
 from handscope.estimators.data.samples import ACC, GYR, Block, Stream, every
 from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS
 from handscope.estimators.numerics.typing import Array, Bools
-from handscope.estimators.self_calibration import sample_preparation
 from handscope.estimators.self_calibration.sample_preparation import DOUBTFUL, RATE
+from handscope.estimators.sensors.mean_readings import correct_means
 
 ROUNDED = 1e-6  # of a period
 SILENT = 2.0  # s
@@ -151,10 +151,10 @@ def _neighbours_of_mean(state: State) -> int:
 
 
 def _correct_means(means: Array, lost: Bools, each: int) -> Array:
-    """As `sample_preparation.correct_means`, but means (m, segments, 6) beside a lost one stay uncorrected."""
+    """As `correct_means`, but means (m, segments, 6) beside a lost one stay uncorrected."""
     alone = np.ones(lost.shape, bool)
     alone[1:-1] = lost[:-2] | lost[2:]
-    return np.where(alone[..., None], means, sample_preparation.correct_means(means, each))
+    return np.where(alone[..., None], means, correct_means(means, each))
 
 
 def _resample_sensor(
