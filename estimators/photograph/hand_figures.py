@@ -43,10 +43,7 @@ HEIGHT = {
 HEIGHT_SD = 0.10  # share of itself: of a person's hand as a whole, and of each joint again
 STEP = 1e-4  # of the numerical derivative: m, rad or shares
 ROUNDS = 3  # of Gauss-Newton: a hand's heights are linear in what they move to 0.1 mm after two
-DISAGREE = (
-    1e-4  # probability of pictures that fit less well though nothing but what is believed errs
-)
-CAMERA = 11  # parameters of a camera that err
+DISAGREE = 1e-4  # probability of pictures that fit less well though nothing else errs
 HAND_LENGTH = (0.10, 0.26)  # m, plausible on a sheet
 MARK_WEIGHTS = {f: np.ones(4) for f in FINGERS} | {"thumb": np.array([1 / HIDDEN**2, 1, 1, 1])}
 
@@ -86,9 +83,9 @@ def measure(views: Sequence[View], hand: Hand, mark_sd: float = MARK_SD) -> Figu
     def places(causes: Array) -> Array:
         """Of the landmarks (views, n, 2) by errors of heights (1 + n), and each view's: its camera's (11), its marks' (2 n)."""
         at = height * (1.0 + causes[0] + causes[1 : 1 + n])
-        own = causes[1 + n :].reshape(len(views), CAMERA + 2 * n)
+        own = causes[1 + n :].reshape(len(views), -1)
         seen = [
-            view.camera.perturb(c[:CAMERA]).place_at(p, at) + c[CAMERA:].reshape(n, 2)
+            view.camera.perturb(c[: -2 * n]).place_at(p, at) + c[-2 * n :].reshape(n, 2)
             for view, p, c in zip(views, pixels, own)
         ]
         return np.array(seen)
@@ -111,10 +108,10 @@ def _agreed(places: Callable[[Array], Array], prior: Array) -> tuple[Array, Arra
         found = places(causes + d)
         return np.asarray((found[1:] - found[0]).ravel())
 
+    if not len(difference(causes)):  # one view agrees with itself
+        return causes, covariance
     for _ in range(ROUNDS):
         off, H = difference(np.zeros(len(prior))), _derivative(difference, len(prior))
-        if not len(off):
-            return causes, covariance
         S = H @ prior @ H.T
         gain = np.linalg.solve(S, H @ prior).T
         expected = H @ causes - off
