@@ -31,7 +31,8 @@ from handscope.validation.studies.injected_faults import exchanged_axes, negated
 FIRST_SEED = 5800  # of people whom no other study asks, and no rule has seen
 SECONDS = 24.0
 POSE_SD = np.radians(3.0)  # of each freedom, that somebody's initial pose misses
-SLIPPING, AT_ONCE = 0.2, 0.02  # s
+# s that a slip takes: of none no gyroscope sees it
+WITHIN = {"": 0.0, " within 0.2 s": 0.2, " within 0.02 s": 0.02}
 METHODS = {"m2": m2, "ekf": ekf}
 OF_GYROSCOPES = ("one axis' sign", "one gyroscope", "one in rad/s", "gain", "two axes exchanged")
 
@@ -129,6 +130,11 @@ def _whole_fingers(c: Choice, by: int) -> list[tuple[str, ...]]:
     return list(zip(CHAINS[c.finger], CHAINS[_neighbour(c.finger, by)]))
 
 
+def _slip(angle: float, seconds: float) -> Fault:
+    """A sensor that turns by so many deg half way."""
+    return lambda m, c: crosschecks.slip(m, angle, c.sensor, c.half, seconds)
+
+
 FAULTS: Mapping[str, tuple[Fault, bool]] = {  # and whether all of the hand is at fault
     "one axis' sign": (lambda m, c: _gyroscopes(negated_axis(c.axis), m, [c.sensor]), False),
     "one axis' sign, second half": (
@@ -186,24 +192,11 @@ FAULTS: Mapping[str, tuple[Fault, bool]] = {  # and whether all of the hand is a
         lambda m, c: m.spoilt(crosschecks.delayed(CHAINS[c.finger], 0.2, c.half)),
         False,
     ),
-    "slipped 17 deg": (lambda m, c: crosschecks.slip(m, 17.0, c.sensor, c.half), False),
-    "slipped 8.5 deg": (lambda m, c: crosschecks.slip(m, 8.5, c.sensor, c.half), False),
-    "slipped 17 deg within 0.2 s": (
-        lambda m, c: crosschecks.slip(m, 17.0, c.sensor, c.half, SLIPPING),
-        False,
-    ),
-    "slipped 8.5 deg within 0.2 s": (
-        lambda m, c: crosschecks.slip(m, 8.5, c.sensor, c.half, SLIPPING),
-        False,
-    ),
-    "slipped 17 deg within 0.02 s": (
-        lambda m, c: crosschecks.slip(m, 17.0, c.sensor, c.half, AT_ONCE),
-        False,
-    ),
-    "slipped 8.5 deg within 0.02 s": (
-        lambda m, c: crosschecks.slip(m, 8.5, c.sensor, c.half, AT_ONCE),
-        False,
-    ),
+    **{
+        f"slipped {angle:g} deg{within}": (_slip(angle, seconds), False)
+        for within, seconds in WITHIN.items()
+        for angle in (17.0, 8.5)
+    },
     "the other hand": (lambda m, c: _other_hand(m), True),
     "rate 100 told as 50": (lambda m, c: _change_clock_rate(m, 100.0), True),
     "rate 100 told as 90": (lambda m, c: _change_clock_rate(m, 100.0 / 9.0), True),
