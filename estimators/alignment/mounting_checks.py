@@ -37,9 +37,7 @@ FITS = np.radians(25.0)
 BENDS = 0.5  # rad/s
 FIRST = 20.0  # s behind the pose that count as the first flexions
 LEAST_BENT = 0.3  # s of bending
-EXTENDS = np.radians(
-    60.0
-)  # no straight finger extends so far: MCP joints 45 deg (anatomy.py), and mountings err
+EXTENDS = np.radians(60.0)  # more than any straight finger: MCP joints 45 deg (anatomy.py)
 PLANAR = 0.8  # share of the principal axis
 MOVES = 1.0  # rad/s, root mean square of a finger asked to move
 DIFFERENT = 0.5  # s between two fingers of a wiggle

@@ -6,10 +6,9 @@ Source  threads of OpenBLAS wait by turning round, for those of ours, too; mallo
 Limits  for the whole process
 """
 
-import contextlib
 import ctypes
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from threadpoolctl import threadpool_limits
 
@@ -27,5 +26,5 @@ def freed_memory_returned() -> Iterator[None]:
     try:
         yield
     finally:
-        with contextlib.suppress(OSError, AttributeError, TypeError):  # another C library
+        with suppress(OSError, AttributeError, TypeError):  # another C library
             ctypes.CDLL(None).malloc_trim(0)

@@ -7,6 +7,7 @@ Limits  a sensor without noise repeats its reading at rest: the share of repeate
 """
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -49,13 +50,15 @@ def frozen_stretches(blocks: Sequence[Block]) -> list[Suspicion]:
         if whole is not None:
             found.append(_frozen("file.frozen", sensors, *whole))
         several = len(sensors) > 1 and block.stream.inertial
-        together: dict[_Spans, tuple[list[str], float]] = {}
+        together: dict[_Spans, dict[str, float]] = {}  # probability by sensor
         for k, sensor in enumerate(sensors if several else ()):
             alone = _standing_still(block, block.values[:, k], NEAR)
             if alone is not None and (whole is None or alone[0] != whole[0]):
-                named, p = together.setdefault(alone[0], ([], 1.0))
-                together[alone[0]] = [*named, sensor], min(1.0, p * len(sensors) * alone[1])
-        found += [_frozen("sensor.frozen", named, s, p) for s, (named, p) in together.items()]
+                together.setdefault(alone[0], {})[sensor] = min(1.0, len(sensors) * alone[1])
+        found += [
+            _frozen("sensor.frozen", tuple(each), spans, math.prod(each.values()))
+            for spans, each in together.items()
+        ]
     return found
 
 

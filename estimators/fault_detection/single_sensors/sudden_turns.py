@@ -41,10 +41,8 @@ DEGREE = 3  # of the course, a polynomial
 ACROSS = 0.2  # sine of the least angle between a turn's axis and the force: a kink of rates looks like a large turn about the vertical
 # m/s^2, m: what a course leaves, and how far a sensor lies from where its segment turns about
 COURSE_SD, ARM_SD = 0.2, 0.05
-MENDED, CLEAR = (
-    0.5,
-    3.0,
-)  # share of a lasting step, and standard deviations, one of which a turn may leave at most
+# of which a turn may leave one at most: a share of a lasting step, standard deviations
+MENDED, CLEAR = 0.5, 3.0
 # where gravity tells nothing: probability of the step alone (keys that are struck hard reach 1e-8), and variances, the largest share of it, that no rotation explains
 ALONE, EXACT_REST, EXACT = 1e-12, 12.0, 0.003
 OF_STEP = 0.1  # largest share of a step that no rotation explains
@@ -145,7 +143,7 @@ def _spikes_of(t: Array, rate: Array) -> list[tuple[float, float]]:
         for k in np.flatnonzero((excess * usual > LEAST) & returns & whole).tolist():
             near = np.arange(max(0, k - ASIDE), min(len(excess), k + ASIDE + 1))
             others = excess[near[np.abs(near - k) > width]]
-            if len(others) and excess[k] > ISOLATED * others.max():
+            if excess[k] > ISOLATED * others.max():
                 at = k + 1
                 if not any(abs(at - other) <= width for other in found):
                     found[at] = float(excess[k] * usual)

@@ -1,5 +1,6 @@
 """A sensor that sits otherwise from one sample to the next: told by the step of its readings, and by where gravity is afterwards."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -10,6 +11,7 @@ import pytest
 from handscope.estimators.data.findings import whole_streams
 from handscope.estimators.data.samples import ACC, GYR, Block, Stream
 from handscope.estimators.fault_detection.check import check_recording
+from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.single_sensors.check_sensors import check_sensors
 from handscope.estimators.fault_detection.single_sensors.sudden_turns import (
     _p_without,
@@ -71,12 +73,15 @@ def test_a_small_turn_is_found_while_fingers_open_and_close_fast(sensor: str) ->
     assert [s.sensors for s in sudden_turns(turned)] == [(sensor,)]
 
 
+@pytest.mark.parametrize("find", [sudden_turns, spikes])
 @pytest.mark.parametrize(
     "blocks", [moved_freely(), performed("tapping"), performed("rom_fist", "open_close")]
 )
-def test_nothing_is_found_in_sensors_that_stay(blocks: tuple[Block, ...]) -> None:
-    assert sudden_turns(blocks) == []
-    assert sudden_turns(_lossy(list(blocks))) == []
+def test_nothing_is_found_in_sensors_that_stay(
+    blocks: tuple[Block, ...], find: Callable[[Sequence[Block]], list[Suspicion]]
+) -> None:
+    assert find(blocks) == []
+    assert find(_lossy(list(blocks))) == []
 
 
 def test_a_kink_of_the_rates_is_no_turn_about_the_vertical() -> None:
@@ -151,14 +156,6 @@ def test_a_finger_that_a_table_stops_makes_no_spike(stop: float) -> None:
     values = np.concatenate([rate, np.tile([0.0, 0.0, 9.81], (len(rate), 1))], axis=1)
     stream = Stream("imu", ("index_distal",), (GYR, ACC), 100.0)
     assert spikes([Block(stream, np.arange(len(rate)) / 100.0, values[:, None])]) == []
-
-
-@pytest.mark.parametrize(
-    "blocks", [moved_freely(), performed("tapping"), performed("rom_fist", "open_close")]
-)
-def test_no_spike_is_told_where_fingers_move(blocks: tuple[Block, ...]) -> None:
-    assert spikes(blocks) == []
-    assert spikes(_lossy(list(blocks))) == []
 
 
 def test_a_turn_that_explains_little_of_a_step_is_none() -> None:
