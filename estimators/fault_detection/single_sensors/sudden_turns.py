@@ -48,8 +48,8 @@ ALONE, EXACT_REST, EXACT = 1e-12, 12.0, 0.003
 OF_STEP = 0.1  # largest share of a step that no rotation explains
 SEVERAL = 3  # sensors that step at once: rows are lost, no sensor slipped
 AT_ONCE = 0.1  # s
-# samples that a turn takes which its gyroscope sees; s at most: a finger that is struck turns and rests within 0.1 s
-WIDTHS, SHORTEST_STROKE = (1, 2), 0.035
+# by samples that a turn takes which its gyroscope sees: s between samples at most; at lower rates a flick of 0.05 s looks so
+WIDTHS = {1: 0.0175, 2: 0.0105}
 ISOLATED, ASIDE = 5.0, 8  # times the largest such turn within so many samples on either side
 RETURNED = 0.3  # of the excess: behind it the rate is what it was before; that of a finger that hits something is not
 SMALLEST = 1e-100  # probability; its logarithm has to be finite
@@ -134,7 +134,7 @@ def _spikes_of(t: Array, rate: Array) -> list[tuple[float, float]]:
     t, rate = t[rows], rate[rows]
     usual = float(np.median(np.diff(t)))
     found: dict[int, float] = {}
-    for width in (w for w in WIDTHS if w * usual <= SHORTEST_STROKE):
+    for width in (w for w, longest in WIDTHS.items() if usual <= longest):
         before, behind = rate[: -width - 1], rate[width + 1 :]
         inner = np.lib.stride_tricks.sliding_window_view(rate[1:-1], width, axis=0).sum(axis=2)
         excess = np.linalg.norm(inner - 0.5 * width * (before + behind), axis=1)

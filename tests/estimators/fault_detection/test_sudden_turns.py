@@ -158,6 +158,23 @@ def test_a_finger_that_a_table_stops_makes_no_spike(stop: float) -> None:
     assert spikes([Block(stream, np.arange(len(rate)) / 100.0, values[:, None])]) == []
 
 
+def _flicked(rate: float, lasting: float) -> Block:
+    """A finger that is flicked by 40 deg within so many s, and back, once a second, sampled at every phase."""
+    t = np.arange(0.0, 60.0, 1 / rate)
+    since = t % 1.0137  # s
+    course = np.clip(np.stack([since - 0.1, since - 0.6]) / lasting, 0.0, 1.0)
+    forth, back = 30 * (course * (1 - course)) ** 2 / lasting  # of a minimum-jerk movement
+    flexing = np.radians(40.0) * (forth - back)
+    values = np.stack([0 * t, 0 * t, flexing, 0 * t, 0 * t, 9.81 + 0 * t], axis=1)
+    return Block(Stream("imu", ("index_distal",), (GYR, ACC), rate), t, values[:, None])
+
+
+@pytest.mark.parametrize("rate", [25.0, 30.0, 40.0, 50.0, 60.0, 100.0, 200.0])
+@pytest.mark.parametrize("lasting", [0.05, 0.08])
+def test_a_flick_makes_no_spike_at_any_rate(rate: float, lasting: float) -> None:
+    assert spikes([_flicked(rate, lasting)]) == []
+
+
 def test_a_turn_that_explains_little_of_a_step_is_none() -> None:
     """As at a keystroke, whose force lasts: a turn would make an eighth of it."""
     usual = np.random.default_rng(4).normal(0.0, 1.0, (40, 3))
