@@ -13,7 +13,7 @@ from handscope.estimators.hand.geometry import HandGeometry, sized
 from handscope.estimators.recording_checks.check import suspicions_of
 from handscope.estimators.simulation.scenario import Simulated, simulate
 from handscope.estimators.simulation.sensors import SensorErrors
-from handscope.validation.studies import crosschecks
+from handscope.validation.studies import crosschecks, silent_faults
 from tests.estimators.fault_detection.joint_recordings import (
     amplified,
     delayed,
@@ -164,6 +164,21 @@ def test_a_sensor_that_its_gyroscope_saw_turn_on_its_segment_is_named(
     assert found.message.values["angle_deg"] == pytest.approx(degrees, rel=0.5)
     assert found.spans[0][0] == pytest.approx(12.3, abs=0.1)
     assert found.correction is None  # later readings are right in a frame that turned with them
+
+
+@pytest.mark.parametrize(
+    ("movement", "sensor"), [("opposing", "index_middle"), ("slow fist", "index_distal")]
+)
+def test_a_turn_that_a_gyroscope_saw_is_named_in_the_simulator_that_is_not_ours(
+    movement: str, sensor: str
+) -> None:
+    made, _ = silent_faults.recorded(movement, 9002)
+    assert suspicions_of(made.declared()) == []
+    spoilt = crosschecks.slip(made, 17.0, sensor, 14.0, 0.2)
+    (found,) = suspicions_of(spoilt.declared())
+    assert (found.message.code, found.sensors) == ("sensor.slipped", (sensor,))
+    assert found.message.values["angle_deg"] == pytest.approx(17.0, abs=2.0)
+    assert found.spans[0][0] == pytest.approx(14.0, abs=0.05)
 
 
 def test_gaps_of_a_sensor_are_no_disagreement() -> None:
