@@ -132,14 +132,16 @@ class Couple:
     @cached_property
     def _products(self) -> Array:
         """Mean over instants (K, 3, 3, 3, 3) of the products of what arms add by the first sensor (component, axis) and by the second."""
-        first, second = (s.arm.reshape(*s.arm.shape[:2], 9) for s in (self.first, self.second))
+        arms = self.first.weighted_arm, self.second.weighted_arm
+        first, second = (arm.reshape(*arm.shape[:2], 9) for arm in arms)
         mean = np.swapaxes(first, 1, 2) @ second / first.shape[1]
         return np.asarray(mean.reshape(-1, 3, 3, 3, 3))
 
     def _without_heading(self) -> tuple[Array, NDArray[np.intp]]:
         """Direction (K, 3) of the mean acceleration of the expected place by the first sensor, and windows in which it changes so little that the rotation about it is not known."""
-        seen = self.first.force + self.first.arm @ self.expected[:3]
-        mean = seen.mean(axis=1)
+        by = self.first.weight[..., None]
+        seen = by * (self.first.force + self.first.arm @ self.expected[:3])
+        mean = (by * seen).mean(axis=1)
         up = mean / np.maximum(np.linalg.norm(mean, axis=1), 1e-9)[:, None]
         across = seen - (seen @ up[:, :, None]) * up[:, None]
         return up, np.flatnonzero((across**2).mean(axis=(1, 2)) * BETWEEN**2 < self.noise)

@@ -3,7 +3,7 @@
 In      blocks of all inertial streams, gyroscope biases where known
 Out     per window and sensor: specific force, and what an arm of one metre along each axis would add to it, as time series in a frame that does not turn
 Source  acceleration of a point of a rigid body; rates integrated within a window only, so that biases do not accumulate
-Limits  samples that are missing or saturated are bridged by splines; windows that miss more than `MOST_MISSING`, or a stretch of `MOST_EMPTY` instants, are left out
+Limits  samples that are missing or saturated are bridged by splines, no more than `LONGEST_GAP`; of a window with longer gaps counts the longest piece without one
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -31,9 +31,11 @@ LENGTH = 1.0  # s, of a window
 MOST_WINDOWS = 60  # of a recording, those with most movement: what longer ones cost
 AVERAGED = 4  # samples of the common time base that make one of a window's: 25 Hz
 INSTANTS = round(LENGTH * RATE) // AVERAGED  # of a window
-LONGEST_GAP = 0.08  # s
-MOST_MISSING = 0.3
-MOST_EMPTY = 4  # instants of a window in a row without a sample near, over which no spline bridges
+LONGEST_GAP = (
+    0.021  # s, or a usual interval and a half: no spline knows what a finger does meanwhile
+)
+MOST_MISSING = 0.3  # of a second of rest
+LEAST_PIECE = 10  # instants of a window between two gaps
 QUIET = 0.06  # rad/s, largest standard deviation of a rate's axis in a second of rest
 BIAS = 0.2  # rad/s, largest zero-rate level that a second of rest may tell
 
@@ -63,24 +65,24 @@ class Windows:
     turned: Array  # (K, m, 3, 3) sensor frame at the window's beginning <- sensor frame
     rate: Array  # (K, m, 3) rad/s
     share: Array  # (K, m) of the samples that are there
-
-    @cached_property
-    def valid(self) -> NDArray[np.bool_]:
-        """Windows (K,) that miss few samples, and no stretch of them."""
-        empty = np.lib.stride_tricks.sliding_window_view(self.share == 0.0, MOST_EMPTY, axis=1)
-        stretch = np.any(np.all(empty, axis=2), axis=1)
-        return np.asarray((self.share.mean(axis=1) > 1 - MOST_MISSING) & ~stretch)
+    weight: Array  # (K, m) of the instants: 0 where they are left out, else so that the mean of the squares is 1
 
     def within(self, first: int, count: int) -> "Windows":
         """A part of each window's instants, in the frames of the whole."""
         part = slice(first, first + count)
-        cut = (v[:, part] for v in (self.force, self.arm, self.turned, self.rate, self.share))
-        return Windows(self.t, *cut)
+        own = self.force, self.arm, self.turned, self.rate, self.share, self.weight
+        return Windows(self.t, *(v[:, part] for v in own))
 
     @cached_property
     def vectors(self) -> Array:
         """Vectors (K, m, 3, 7) of a joint's acceleration by this sensor: force, arms, and axes of the frame, negated."""
-        return np.concatenate([self.force[..., None], self.arm, -self.turned], axis=-1)
+        each = np.concatenate([self.force[..., None], self.arm, -self.turned], axis=-1)
+        return np.asarray(self.weight[..., None, None] * each)
+
+    @cached_property
+    def weighted_arm(self) -> Array:
+        """The arms (K, m, 3, 3) by the weights."""
+        return np.asarray(self.weight[..., None, None] * self.arm)
 
     @cached_property
     def gram(self) -> Array:
@@ -97,18 +99,32 @@ class Windows:
     @cached_property
     def turning(self) -> Array:
         """How much each window (K,) adds to an arm of 1 m, root mean square over instants and axes, 1/s^2."""
-        return np.asarray(np.sqrt((self.arm**2).mean(axis=(1, 2, 3)) * 3))
+        return np.asarray(np.sqrt((self.weighted_arm**2).mean(axis=(1, 2, 3)) * 3))
 
     @cached_property
     def arms(self) -> Array:
         """What arms of 1 m add (K, 3, 3), mean over instants of squares and products along the sensor's axes, 1/s^4."""
-        return squares(self.arm)
+        return squares(self.weighted_arm)
 
     @cached_property
     def turn(self) -> Array:
         """How far (K,) rad the sensor turns about its mean orientation, root mean square."""
-        off = self.turned - self.turned.mean(axis=1, keepdims=True)
-        return np.asarray(np.sqrt((off**2).sum(axis=(2, 3)).mean(axis=1) / 2))
+        by = self.weight[..., None, None] ** 2
+        off = self.turned - (by * self.turned).mean(axis=1, keepdims=True)
+        return np.asarray(np.sqrt((by * off**2).sum(axis=(2, 3)).mean(axis=1) / 2))
+
+
+def longest_pieces(whole: NDArray[np.bool_]) -> Array:
+    """Weights (K, m) of the instants of each window by its longest piece in which all are whole (K, m); all 0 where that is shorter than LEAST_PIECE."""
+    K, m = whole.shape
+    run = np.zeros((K, m), int)
+    run[:, 0] = whole[:, 0]
+    for k in range(1, m):
+        run[:, k] = np.where(whole[:, k], run[:, k - 1] + 1, 0)
+    last = run.argmax(axis=1)[:, None]
+    length = run.max(axis=1)[:, None]
+    inside = (np.arange(m) <= last) & (np.arange(m) > last - length) & (length >= LEAST_PIECE)
+    return np.where(inside, np.sqrt(m / np.maximum(length, 1)), 0.0)
 
 
 def squares(arms: Array) -> Array:
@@ -246,7 +262,8 @@ def _spline(at: Array, values: Array, t: Array) -> tuple[Array, Array, NDArray[n
     after = np.clip(np.searchsorted(at, t), 1, len(at) - 1)
     flat = np.ascontiguousarray(values.reshape(len(at), -1))
     both, change = evaluate_spline(at, flat, spline_slopes(at, flat), inside, after)
-    near = (at[after] - at[after - 1] < LONGEST_GAP) & (t >= at[0]) & (t <= at[-1])
+    longest = max(LONGEST_GAP, 1.5 * float(np.median(np.diff(at))))
+    near = (at[after] - at[after - 1] < longest) & (t >= at[0]) & (t <= at[-1])
     return both.reshape(shape), change.reshape(shape), near
 
 
@@ -286,5 +303,5 @@ def cut(
     begin = first - around * averaged + later
     filled = force, arm, turned, rate, share
     fill_windows(*readings, begin, columns, 1.0 / RATE, averaged, *filled)
-    t = series.t[np.minimum(first, len(series.t) - 1)]
-    return [Windows(t, *(part[s] for part in filled)) for s in range(len(columns))]
+    t, weight = series.t[np.minimum(first, len(series.t) - 1)], np.ones(shape[1:])
+    return [Windows(t, *(part[s] for part in filled), weight) for s in range(len(columns))]

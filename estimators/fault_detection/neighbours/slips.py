@@ -99,7 +99,7 @@ def find_jump(pairs: Pairs) -> Slip | None:
 def _jumped(pairs: Pairs, sensor: str, tests: float) -> tuple[Slip | None, int]:
     """The sensor's largest jump that all its joints show, and how many they are."""
     around = _joints_of(pairs, sensor)
-    fits = [(j, pairs.joint(*j, j), pairs.use(*j)) for j in around]
+    fits = [(j, pairs.joint(*j, j), pairs.whole(*j)) for j in around]
     if not fits:
         return None, 0
     ratio = np.min([np.where(use, f.rest / f.noise, 0.0) for _, f, use in fits], axis=0)
@@ -164,8 +164,9 @@ def _oddest(pairs: Pairs, others: Others, sensor: str) -> list[tuple[float, int]
     sizes, ratios = others.without(sensor), []
     for joint in _joints_of(pairs, sensor):
         fitted = pairs.joint(*joint, joint)
-        use = pairs.use(*joint)
-        ratio = np.where(use, fitted.rest / sizes.expected(fitted.couple.parts), 0.0)
+        ratio = np.where(
+            pairs.whole(*joint), fitted.rest / sizes.expected(fitted.couple.parts), 0.0
+        )
         ratios.append(ratio / max(1.0, float(np.median(ratio))))
     least = np.min(ratios, axis=0)
     return [(float(least[k]), int(k)) for k in np.argsort(-least)[:OF_SENSOR]]
