@@ -4,7 +4,7 @@ that its gyroscope sees in a sample or two, which no segment makes.
 In      a block of an inertial stream
 Out     which sensor, by what turn, when, and how probable such a step is without one; readings of a gyroscope that stand alone
 Source  one rotation explains the step of both triads; peaks over a threshold have exponential tails (Pickands 1975, Ann Stat 3:119): tail of the recording's own steps
-Limits  a turn about the vertical moves no gravity and is left alone; a turn that takes longer than a sample is seen by the gyroscope: neighbours/slips.py, finger_ekf/mounting_change.py
+Limits  streams slower than LEAST_RATE are not asked; a turn about the vertical moves no gravity and is left alone; a turn that takes longer than a sample is seen by the gyroscope: neighbours/slips.py, finger_ekf/mounting_change.py
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,6 +25,7 @@ from handscope.estimators.numerics.tail_probabilities import normal_sf
 from handscope.estimators.numerics.typing import Array
 
 LEAST, MOST = np.radians([6.0, 60.0])  # smaller turns are those of skin, larger ones no slip
+LEAST_RATE = 25.0  # Hz: four samples on either side of a step
 SPACING = 0.1  # s between peaks
 LEAVE, TAIL = 4, 40  # largest peaks that may be slips, and peaks that show the tail
 SLOPE = (
@@ -168,6 +169,8 @@ def _of_sensor(block: Block, column: int) -> Iterator[SuddenTurn]:
         return
     t, values = block.t[rows], np.ascontiguousarray(values[rows])
     usual = float(np.median(np.diff(t)))
+    if usual > 1.0 / LEAST_RATE:
+        return
     explained, rest, turn = explained_steps(t, values)
     size = np.sqrt(explained / (1.0 + rest / EXPECTED_REST))
     gap = np.lib.stride_tricks.sliding_window_view(np.diff(t), ROWS - 1) / usual
