@@ -362,10 +362,12 @@ def _behind_the_wrist(geometry: HandGeometry) -> list[str]:
 
 def _verdict(pairs: Pairs, geometry: HandGeometry) -> tuple[Verdict | None, list[Bone]]:
     along, seen = joint_places.bones(pairs, geometry), joint_places.roots(pairs)
-    verdict = joint_places.judge(seen, along, geometry)
-    if verdict is not None and verdict.p_value < OF_HAND:
-        return verdict, along
-    return (joint_places.exchanged_fingers(seen, geometry) if seen else None), along
+    of_hand = joint_places.judge(seen, along, geometry)
+    order = joint_places.exchanged_fingers(seen, geometry) if seen else None
+    is_sure = of_hand is not None and of_hand.p_value < OF_HAND
+    if is_sure and (order is None or of_hand.kind != "fingers"):
+        return of_hand, along
+    return order, along
 
 
 def _limb(sensor: str) -> str:

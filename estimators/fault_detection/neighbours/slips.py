@@ -38,7 +38,7 @@ OF_SENSOR, ASKED = 2, 12  # windows of a sensor, and in all, that are asked: the
 STEPS, REFINED = 3, 2  # of the search for a turn, and of its course
 SHIFTS = INSTANT / 4 * np.arange(-3, 4)  # s, of its begin
 DIFFERENCE = 1e-3  # rad, for derivatives
-SURE = 1e-5  # p-value of a turn that a gyroscope saw: flicks of fingers leave no white noise; of 592 intact recordings the smallest of turns of LEAST to MOST was 0.1
+SURE = 1e-6  # p-value of a turn that a gyroscope saw: flicks of fingers leave no white noise; of 592 intact recordings the smallest of turns of LEAST to MOST was 0.1
 OF_COURSE = 5  # numbers that tell a turn's course: its vector, begin and length
 
 

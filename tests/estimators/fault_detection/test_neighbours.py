@@ -1,5 +1,6 @@
 """Sensors against each other: each fault is named with its sensors, an intact recording is not."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from handscope.estimators.data.samples import ACC, GYR, Block, Stream
 from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.neighbours import check_neighbours as neighbours
-from handscope.estimators.hand.anatomy import CHAINS, Hand
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, Hand
 from handscope.estimators.hand.geometry import HandGeometry, sized
 from handscope.estimators.recording_checks.check import suspicions_of
 from handscope.estimators.simulation.scenario import Simulated, simulate
@@ -144,6 +145,31 @@ def test_exchanged_fingers_are_found_in_a_hand_that_the_forearm_turns_while_they
     assert told(list(turned.blocks())) == []
     found = told(with_exchanged_fingers(turned, "middle", "ring"))
     assert [s.message.code for s in found] == ["fingers.exchanged"]
+
+
+@pytest.mark.parametrize(
+    ("order", "moved"),
+    [
+        (("middle", "ring", "little", "index"), "index, middle, ring, little"),  # one further, each
+        (("little", "ring", "middle", "index"), "index, middle, ring, little"),
+        (("middle", "ring", "index", "little"), "index, middle, ring"),
+    ],
+)
+def test_several_strips_on_other_fingers_are_all_named(order: Sequence[str], moved: str) -> None:
+    made, _ = silent_faults.recorded("free", 9002)
+    on = list(FINGERS[1:])
+    for k, finger in enumerate(FINGERS[1:]):
+        if (other := on.index(order[k])) != k:
+            swapped = list(zip(CHAINS[finger], CHAINS[FINGERS[1:][other]]))
+            made = crosschecks.exchange(swapped, made)
+            on[k], on[other] = on[other], on[k]
+    (found,) = suspicions_of(made.declared())
+    assert (found.message.code, found.message.values["fingers"]) == (
+        "fingers.several_exchanged",
+        moved,
+    )
+    assert found.correction is None
+    assert {s.partition("_")[0] for s in found.sensors} == set(moved.split(", "))
 
 
 def test_a_slipped_sensor_is_named_with_its_turn_and_time() -> None:
