@@ -86,9 +86,14 @@ class Couple:
         return np.maximum(self.first.turning, self.second.turning)
 
     @cached_property
+    def doubt(self) -> Array:
+        """How far (K,) 1/s^2 what an arm of 1 m adds may be off between samples, of the worse of both sensors."""
+        return np.maximum(self.first.doubt, self.second.doubt)
+
+    @cached_property
     def parts(self) -> Array:
-        """Mean squares (K, 3) that a joint of intact sensors leaves: always, as skin moves its place, as scale errors turn with gravity."""
-        skin = ARM * SKIN * np.maximum(self.pulled, self.turning)
+        """Mean squares (K, 3) that a joint of intact sensors leaves: always, as skin moves its place and as movement between samples is not known, as scale errors turn with gravity."""
+        skin = ARM * np.hypot(SKIN * np.maximum(self.pulled, self.turning), self.doubt)
         turn = np.maximum(self.first.turn, self.second.turn)
         always = np.full_like(skin, FLOOR**2 + SCALE_OFF**2)
         return np.stack([always, skin**2, (GRAVITY_OFF * turn) ** 2], axis=1)

@@ -35,6 +35,7 @@ LONGEST_GAP = (
     0.021  # s, or a usual interval and a half: no spline knows what a finger does meanwhile
 )
 MOST_MISSING = 0.3  # of a second of rest
+BY_HALF = 0.15  # of what every second sample would have derivatives otherwise, that all may: smooth movement an eighth, a kink more
 LEAST_PIECE = 10  # instants of a window between two gaps
 QUIET = 0.06  # rad/s, largest standard deviation of a rate's axis in a second of rest
 BIAS = 0.2  # rad/s, largest zero-rate level that a second of rest may tell
@@ -50,6 +51,7 @@ class Series:
     change: Array  # (n, S, 3) rad/s^2, derivative of the rates
     acc: Array  # (n, S, 3) m/s^2
     whole: NDArray[np.bool_]  # (n, S) near a sample that is there
+    doubt: Array  # (n, S) rad/s^2, by which the derivative may be off between samples
     chosen: NDArray[np.int_]  # (K,) numbers of the windows that are looked at, in order
     span: tuple[float, float]  # s, of the whole recording
     count: int  # samples of the whole recording
@@ -64,14 +66,18 @@ class Windows:
     arm: Array  # (K, m, 3, 3) m/s^2 for an arm of 1 m along the sensor's x, y, z
     turned: Array  # (K, m, 3, 3) sensor frame at the window's beginning <- sensor frame
     rate: Array  # (K, m, 3) rad/s
+    doubt: Array  # (K,) 1/s^2, by which what an arm of 1 m along an axis adds may be off, root mean square
     share: Array  # (K, m) of the samples that are there
     weight: Array  # (K, m) of the instants: 0 where they are left out, else so that the mean of the squares is 1
 
     def within(self, first: int, count: int) -> "Windows":
         """A part of each window's instants, in the frames of the whole."""
         part = slice(first, first + count)
-        own = self.force, self.arm, self.turned, self.rate, self.share, self.weight
-        return Windows(self.t, *(v[:, part] for v in own))
+        force, arm, turned, rate, share, weight = (
+            v[:, part]
+            for v in (self.force, self.arm, self.turned, self.rate, self.share, self.weight)
+        )
+        return Windows(self.t, force, arm, turned, rate, self.doubt, share, weight)
 
     @cached_property
     def vectors(self) -> Array:
@@ -176,13 +182,13 @@ def common_series(
         chosen = most_moved(turned)
     rows, first = _rows_about(chosen, len(t))
     gyr, change, acc = np.empty((3, len(rows), len(names), 3))
-    whole = np.empty((len(rows), len(names)), bool)
+    whole, doubt = np.empty((len(rows), len(names)), bool), np.empty((len(rows), len(names)))
     for group in _sensors_read(inertial, names, bias, t, behind):
         k = group.columns
         gyr[:, k], change[:, k], acc[:, k] = group.gyr[rows], group.change[rows], group.acc[rows]
-        whole[:, k] = group.near[rows, None]
+        whole[:, k], doubt[:, k] = group.near[rows, None], group.doubt[rows]
     span = (float(t[0]), float(t[-1]))
-    return Series(t[rows], names, gyr, change, acc, whole, first, span, len(t))
+    return Series(t[rows], names, gyr, change, acc, whole, doubt, first, span, len(t))
 
 
 def _rows_about(chosen: NDArray[np.int_], count: int) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
@@ -224,6 +230,7 @@ class _Group:
     change: Array  # (n, S, 3) rad/s^2
     acc: Array  # (n, S, 3) m/s^2
     near: NDArray[np.bool_]  # (n,) where samples are near
+    doubt: Array  # (n, S) rad/s^2
 
 
 def _sensors_read(
@@ -245,12 +252,14 @@ def _sensors_read(
             if behind > 0:  # means since the sample before
                 rates = correct_means(rates, np.inf)
             gyr, change, near = _spline(at, rates, later)
+            half = _spline(np.ascontiguousarray(at[::2]), rates[::2], later)[1]
+            doubt = BY_HALF * np.linalg.norm(change - half, axis=2)
             acc, _, also_near = _spline(at, taken(block, ACC, there, own), t)
             near &= also_near
             columns = [names.index(block.stream.sensors[k]) for k in own]
             level = _resting_rates(gyr, near)
             known = [bias.get(names[k], one) for k, one in zip(columns, level)]
-            yield _Group(np.array(columns), gyr - known, change, acc, near)
+            yield _Group(np.array(columns), gyr - known, change, acc, near, doubt)
 
 
 def _spline(at: Array, values: Array, t: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
@@ -304,4 +313,9 @@ def cut(
     filled = force, arm, turned, rate, share
     fill_windows(*readings, begin, columns, 1.0 / RATE, averaged, *filled)
     t, weight = series.t[np.minimum(first, len(series.t) - 1)], np.ones(shape[1:])
-    return [Windows(t, *(part[s] for part in filled), weight) for s in range(len(columns))]
+    inside = np.minimum(first[:, None] + np.arange(round(LENGTH * RATE)), len(series.t) - 1)
+    doubt = np.sqrt((series.doubt[inside][..., columns] ** 2).mean(axis=1)).T
+    return [
+        Windows(t, force[s], arm[s], turned[s], rate[s], doubt[s], share[s], weight)
+        for s in range(len(columns))
+    ]

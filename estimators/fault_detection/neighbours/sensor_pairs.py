@@ -73,6 +73,7 @@ class Pairs:
                 change=s.change[first:],
                 acc=s.acc[first:],
                 whole=s.whole[first:],
+                doubt=s.doubt[first:],
             ),
             self.geometry,
             self.q_BS,
@@ -262,4 +263,5 @@ def _by_matrix(series: Series, sensor: str, M: Array) -> Series:
         change=series.change[:, only] @ M.T,
         acc=series.acc[:, only],
         whole=series.whole[:, only],
+        doubt=series.doubt[:, only],
     )

@@ -107,3 +107,18 @@ def test_of_a_window_the_longest_piece_without_a_gap_counts() -> None:
     np.testing.assert_array_equal(np.flatnonzero(weight[1]), np.arange(7, 20))
     assert (weight[1] ** 2).mean() == pytest.approx(1.0)
     assert not weight[2].any()
+
+
+def test_what_is_between_samples_counts_as_noise_where_they_are_few() -> None:
+    (block,) = keystrokes(lost=False)
+    doubt = {}
+    for step in (1, 2):
+        sampled = replace(block, t=block.t[::step], values=block.values[::step])
+        series = joint_windows.common_series([sampled], {})
+        assert series is not None
+        p = Pairs(series, sized("left"), dict.fromkeys(series.sensors, quat.IDENTITY))
+        couple = p.couple("index_proximal", "index_middle")
+        doubt[step] = float(np.median(couple.doubt))
+        assert couple.noise.min() > (common_joint.ARM * couple.doubt.min()) ** 2
+    assert doubt[1] < 0.01 * float(np.median(couple.turning))
+    assert doubt[2] > 8 * doubt[1]  # errors go by the cube of the interval
