@@ -183,7 +183,8 @@ class CorrectionRow(TypedDict):
     kind: str
     onset: float
     end: float
-    reason: str
+    reason: str  # as typed; of an offered one the English words
+    reason_code: str  # of an offered one: helped, wrong, interrupted, slipped, pain
     made: datetime
     undone: datetime | None
 

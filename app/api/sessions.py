@@ -87,7 +87,11 @@ class NewCorrection(Incoming):
     kind: str = Field(
         description="exclude (the trial), move (its ends), leave_out (a stretch within it)"
     )
-    reason: str = Field(max_length=1000)
+    reason: str = Field("", max_length=1000, description="why, in somebody's own words")
+    reason_code: Literal["", "helped", "wrong", "interrupted", "slipped", "pain"] = Field(
+        "",
+        description="why, as one of the reasons that pages offer: everybody reads it in their language",
+    )
     onset: float = Field(
         0.0,
         allow_inf_nan=False,
@@ -250,7 +254,8 @@ def correct(db: Db, parts: PartsDep, recording_id: int, new: NewCorrection) -> d
     """Take a trial or a stretch of it out of the figures, or move its ends; what was computed is computed anew without it, and kept."""
     file = _require_closed(db, recording_id)
     before = results.current(file)
-    made = corrections.add(db, file, new.event, new.kind, new.reason, new.onset, new.end)
+    reason = corrections.OFFERED.get(new.reason_code, new.reason)
+    made = corrections.add(db, file, new.event, new.kind, reason, new.onset, new.end)
     return {"correction": correction_row(made), "results": recomputed(db, parts, file, before)}
 
 
@@ -353,6 +358,7 @@ def correction_row(c: Correction) -> CorrectionRow:
         "onset": c.onset,
         "end": c.end,
         "reason": c.reason,
+        "reason_code": corrections.reason_code(c),
         "made": c.made,
         "undone": c.undone,
     }
