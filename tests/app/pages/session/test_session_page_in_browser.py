@@ -3,6 +3,8 @@
 import pytest
 from playwright.sync_api import Browser
 
+from handscope.app.api.methods import list_methods
+from handscope.app.language import languages
 from tests.app.pages.test_metronome_in_browser import SITE, serve
 
 pytestmark = pytest.mark.browser
@@ -96,3 +98,36 @@ def test_a_long_code_without_spaces_stays_within_a_telephone(browser: Browser) -
     )
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
     page.close()
+
+
+AGAIN = """async ([methods, method]) => {
+  const { mount } = await import("/static/session/reprocess.js");
+  const sent = [];
+  const api = { get: async () => methods, post: async (path, body) => (sent.push(body), { result: 2 }) };
+  mount(document.body, api, { session: { id: 1 }, result: { method, parameters: {}, state: "done" }, go: () => {} });
+  await new Promise((drawn) => setTimeout(drawn));
+  const choice = document.querySelector("select[name=alignment]");
+  const offered = [...choice.options].map((option) => [option.value, option.text]);
+  const hint = choice.closest(".field").textContent;
+  choice.value = "common";
+  document.querySelector("form").requestSubmit();
+  await new Promise((sent) => setTimeout(sent));
+  return { offered, hint, sent };
+}"""
+
+
+@pytest.mark.parametrize("language", languages())
+def test_offered_values_of_an_option_have_words_and_are_sent_by_their_names(
+    browser: Browser, language: str
+) -> None:
+    words = languages()[language].words
+    context = browser.new_context(locale=language)
+    page = context.new_page()
+    page.route(f"{SITE}/**", serve)
+    page.goto(SITE)
+    found = page.evaluate(AGAIN, [list_methods(languages()[language]), "ekf"])
+    context.close()
+    offered = ["full", "common", "heading"]
+    assert found["offered"] == [[value, words[f"choice.{value}"]] for value in offered]
+    assert words["choice.full"] in found["hint"]
+    assert found["sent"] == [{"method": "ekf", "options": {"alignment": "common"}}]
