@@ -7,8 +7,6 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Literal
 
-import numpy as np
-
 from handscope.app.language import Language
 from handscope.app.report.change_words import level_words, value_words
 from handscope.app.report.changes import Change, Changes
@@ -23,6 +21,7 @@ from handscope.app.report.sections.range_rows import GRADES, over_tasks
 from handscope.app.report.units import (
     DEG,
     decimals_of_sd,
+    deviation_words,
     directions_of,
     reading,
     significant_places,
@@ -167,13 +166,8 @@ def _tile(
 
 def _quality(trials: Sequence[Figure], language: Language) -> dict[str, str]:
     """The worst signal over the trials, and the standard deviation of the value where it is of one trial; "" where not known."""
-    (figure, *others) = trials
-    sd = 0.0 if others or figure.sd is None else figure.sd
-    read = reading(Figure(figure.name, sd, figure.unit, ""))
-    known = np.isfinite(read.value) and read.value > 0
-    number = language.number(read.value, decimals_of_sd(read.value)) if known else ""
     return {
-        "sd": f"± {with_unit(number, read.unit, language)}" if known else "",
+        "sd": deviation_words(trials, language),
         "grade": max((f.grade for f in trials), key=GRADES.index),
     }
 
