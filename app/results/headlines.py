@@ -14,9 +14,13 @@ from handscope.app.report.content import Task
 from handscope.app.report.norms import norm_of
 from handscope.app.report.progress.importance import BESIDE, FIRST, LESS_IS_BETTER, MORE_IS_BETTER
 from handscope.app.report.progress.labels import label
-from handscope.app.report.references import Edition, newest
+from handscope.app.report.references import Edition, Reference, newest
 from handscope.app.report.sections.other_measures import share_words
-from handscope.app.report.sections.range_comparison import reference_of
+from handscope.app.report.sections.range_comparison import (
+    reference_of,
+    reference_span,
+    reference_words,
+)
 from handscope.app.report.sections.range_rows import GRADES, over_tasks
 from handscope.app.report.units import (
     DEG,
@@ -91,8 +95,11 @@ def joint_deficits(
             continue
         reference = reference_of(r, "largest", chosen)
         least, most = _theirs(r, other, "min"), _theirs(r, other, "max")
-        against = most if most is not None else reference.degrees if reference else None
-        if against is None:
+        if most is not None:
+            against, named_against = most, f"{most:.0f}°"
+        elif reference:
+            against, named_against = reference.judged.degrees, reference_words(reference, language)
+        else:
             continue
         short = max(0.0, against - r.largest * DEG)
         name = " ".join(joint_words(r.joint, language)).strip()
@@ -100,7 +107,7 @@ def joint_deficits(
             "deficit.behind" if round(short) else "deficit.none",
             joint=name,
             value=flexion_words(r.largest, language),
-            against=f"{against:.0f}°",
+            against=named_against,
             size=f"{short:.0f}°",
         )
         level = _level(short, chosen.smallest_change.value)
@@ -112,7 +119,7 @@ def joint_deficits(
                 "level": level,
                 "range": [round(r.smallest * DEG), round(r.largest * DEG)],
                 "other": None if least is None or most is None else [round(least), round(most)],
-                "reference": round(reference.degrees) if reference else None,
+                "reference": round(reference.judged.degrees) if reference else None,
             }
         )
     return found
@@ -152,7 +159,12 @@ def _tile(
         words = with_unit(f"{language.number(norm.mean, places)}{spread}", norm.unit, language)
         against.append(language.labelled(language.say("norm"), words))
     if reference := _range_reference(figure, edition or newest()):
-        against.append(language.labelled(language.say("norm"), _words(figure, reference, language)))
+        words = (
+            reference_span(reference)
+            if reference.also
+            else _words(figure, reference.degrees / DEG, language)
+        )
+        against.append(language.labelled(language.say("norm"), words))
     return {
         "label": label(figure.name, language) if is_range else named(figure, language),
         "value": _words(figure, value, language),
@@ -172,14 +184,13 @@ def _quality(trials: Sequence[Figure], language: Language) -> dict[str, str]:
     }
 
 
-def _range_reference(figure: Figure, edition: Edition) -> float | None:
-    """How far the end of a range that the figure is conventionally reaches, rad; None of other figures and where nobody tells it."""
+def _range_reference(figure: Figure, edition: Edition) -> Reference | None:
+    """How far the end of a range that the figure is conventionally reaches; None of other figures and where nobody tells it."""
     ends = {
         f"{r.joint}_{r.angle}_{'max' if r.end == 'largest' else 'min'}": r
         for r in edition.references
     }
-    found = ends.get(figure.name)
-    return found.degrees / DEG if found else None
+    return ends.get(figure.name)
 
 
 def _better_direction(figure: Figure) -> Literal["more", "less", ""]:

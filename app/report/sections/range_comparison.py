@@ -37,6 +37,26 @@ def reference_of(r: Range, end: End, edition: Edition) -> Reference | None:
     )
 
 
+def reference_words(reference: Reference, language: Language) -> str:
+    """What an end is judged by, and where another source says something else, both with their names: "65° (ASSH; ... 80°)"."""
+    judged, other = reference.judged, reference.other
+    if other is None:
+        return f"{judged.degrees:.0f}°"
+    return language.say(
+        "reference.two",
+        judged=f"{judged.degrees:.0f}°",
+        source=language.translate(judged.source.name),
+        other=f"{other.degrees:.0f}°",
+        elsewhere=language.translate(other.source.name),
+    )
+
+
+def reference_span(reference: Reference) -> str:
+    """ "65–80°" where two sources differ, else "80°"."""
+    each = sorted({r.degrees for r in (reference, reference.also) if r})
+    return f"{'–'.join(f'{degrees:.0f}' for degrees in each)}°"
+
+
 def other_hand(content: Content, tasks: Sequence[Task]) -> list[Range]:
     """The other hand's ranges in the same tasks: the same joints and angles, as far as they are known."""
     if content.course is None or content.course.other is None:
@@ -91,7 +111,7 @@ class Lacking:
 def behind_reference(tasks: Sequence[Task], edition: Edition) -> list[Lacking]:
     """Every end of flexion that has a reference."""
     return [
-        Lacking(r.joint, end, getattr(r, end), f.degrees / DEG)
+        Lacking(r.joint, end, getattr(r, end), f.judged.degrees / DEG)
         for r in over_tasks(tasks)
         for end in WORD
         if r.angle == "flexion" and (f := reference_of(r, end, edition)) is not None

@@ -195,6 +195,16 @@ def test_a_joint_behind_the_reference_has_a_level(flexion: int, level: str) -> N
     assert (joint["joint"], joint["level"]) == ("index_pip", level)
 
 
+@pytest.mark.parametrize(("flexion", "level"), [(61, "none"), (52, "small"), (40, "large")])
+def test_a_joint_is_behind_only_where_it_is_behind_both_sources(flexion: int, level: str) -> None:
+    bent = Range("ring_dip", "flexion", flexion * DEG, 0.0, 1.0, 2.0, "good", "")
+    result = TaskResult("rom_fist", "range_of_motion", 0.0, 9.0, [bent], ())
+    (joint,) = joint_deficits([Task(result, "Fist", "", None)], EN, None, None)
+    assert (joint["level"], joint["reference"]) == (level, 65)
+    against = "65° (ASSH; Electronic Textbook of Hand Surgery: 80°)"
+    assert joint["words"] == f"Ring DIP: flexion {flexion}°, {65 - flexion}° behind {against}"
+
+
 def test_the_other_hand_comes_before_the_reference() -> None:
     bent = Range("index_pip", "flexion", 90 * DEG, 0.0, 1.0, 2.0, "good", "")
     result = TaskResult("rom_fist", "range_of_motion", 0.0, 9.0, [bent], ())
