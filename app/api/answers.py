@@ -224,6 +224,7 @@ class SessionAnswer(SessionRow):
     station: str | None
     saving: bool  # it was finished, and its recording is being stored
     other_hand: dict[str, Any] | None  # session and hand, of the same visit
+    same_recording: list[dict[str, Any]]  # session, started, added: it was kept there before
     recordings: list[RecordingRow]
 
 

@@ -111,6 +111,7 @@ class NewResult(Incoming):
 async def upload_recording(
     db: Db,
     parts: PartsDep,
+    language: LanguageDep,
     patient_id: int,
     file: UploadFile,
     hand: Annotated[str | None, Form()] = None,
@@ -136,7 +137,21 @@ async def upload_recording(
     finally:
         Path(place).unlink(missing_ok=True)
     result = _queue(db, parts, session, method, {})
-    return {"session": session.id, "result": result.id}
+    again = [
+        phrase(
+            "store.recording_again",
+            session=f.session_id,
+            started=f"{f.session.started:%Y-%m-%d}",
+            added=f"{f.added:%Y-%m-%d}",
+        )
+        for f in records.same_recordings(db, session)
+    ]
+    return {
+        "session": session.id,
+        "result": result.id,
+        "warnings": [language.translate(sentence) for sentence in again],
+        "same_recording": _same_recording(db, session),
+    }
 
 
 @router.get("/sessions/unfinished")
@@ -199,6 +214,7 @@ def read_session(
         "station": station.name if station else None,
         "saving": parts.stations.saves(session.id),
         "other_hand": _other_hand(db, session),
+        "same_recording": _same_recording(db, session),
         "recordings": [
             for_reader(requester, recording_row(f))
             | {"corrections": [for_reader(requester, correction_row(c)) for c in f.corrections]}
@@ -368,6 +384,14 @@ def _other_hand(db: Db, s: PatientSession) -> dict[str, Any] | None:
     """The session of the other hand in the same visit."""
     other = next(iter(records.same_visit(db, s)), None)
     return {"session": other.id, "hand": other.hand} if other else None
+
+
+def _same_recording(db: Db, s: PatientSession) -> list[dict[str, Any]]:
+    """The sessions that have the same recording, and when each got it."""
+    return [
+        {"session": f.session_id, "started": f.session.started, "added": f.added}
+        for f in records.same_recordings(db, s)
+    ]
 
 
 def _elsewhere(db: Db, parts: Parts, session: PatientSession) -> dict[str, Any] | None:

@@ -459,6 +459,7 @@ export interface SessionAnswer {
   station: string | null;
   saving: boolean;
   other_hand: Record<string, any> | null;
+  same_recording: Record<string, any>[];
   recordings: RecordingRow[];
 }
 

@@ -518,3 +518,19 @@ def test_orientations_alone_are_processed_by_a_method_that_takes_them(
     made = upload(client, patient, writer.pack(writer.tree(oriented, "01", "wiggle")))
     result = finished(client, made.json()["result"])
     assert (result["method"], result["state"], result["error"]) == ("m2", "done", "")
+
+
+def test_a_recording_that_is_there_already_is_kept_again_and_named(
+    client: TestClient, patient: int, packed: bytes
+) -> None:
+    first = upload(client, patient, packed).json()
+    again = upload(client, patient, packed).json()
+    elsewhere = client.post("/api/patients", json={"pseudonym": "P-other"}).json()["id"]
+    for new in (first, upload(client, elsewhere, packed).json()):
+        assert (new["warnings"], new["same_recording"]) == ([], [])
+        assert client.get(f"/api/sessions/{new['session']}").json()["same_recording"] == []
+    assert again["session"] != first["session"]
+    (sentence,), (there,) = again["warnings"], again["same_recording"]
+    assert f"is there already: session {first['session']} of {there['started'][:10]}" in sentence
+    told = client.get(f"/api/sessions/{again['session']}").json()["same_recording"]
+    assert [row["session"] for row in told] == [first["session"]] == [there["session"]]
