@@ -17,6 +17,7 @@ from handscope.app.report.progress.labels import label
 from handscope.app.report.references import Edition, Reference, newest
 from handscope.app.report.sections.other_measures import share_words
 from handscope.app.report.sections.range_comparison import (
+    asks_all_of,
     reference_of,
     reference_span,
     reference_words,
@@ -97,7 +98,7 @@ def joint_deficits(
         least, most = _theirs(r, other, "min"), _theirs(r, other, "max")
         if most is not None:
             against, named_against = most, f"{most:.0f}°"
-        elif reference:
+        elif reference and asks_all_of(r.joint, tasks):
             against, named_against = reference.judged.degrees, reference_words(reference, language)
         else:
             continue

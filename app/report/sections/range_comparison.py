@@ -9,6 +9,7 @@ from handscope.app.report.content import Content, Task
 from handscope.app.report.references import Edition, Reference
 from handscope.app.report.sections.range_rows import RangeRow, over_tasks
 from handscope.app.report.units import DEG
+from handscope.estimators.measures.asked_extension import asks_fist_and_stretch
 from handscope.estimators.measures.range_of_motion import Range
 from handscope.sessions.clinic.repeatability import Values
 
@@ -34,6 +35,13 @@ def reference_of(r: Range, end: End, edition: Edition) -> Reference | None:
     return next(
         (f for f in edition.references if (f.joint, f.angle, f.end) == (r.joint, r.angle, end)),
         None,
+    )
+
+
+def asks_all_of(joint: str, tasks: Sequence[Task]) -> bool:
+    """Whether one of the tasks asked the joint to bend as far as it goes: a fist asks that of the fingers, not of the thumb."""
+    return not joint.startswith("thumb_") or any(
+        t.asks(joint, "flexion") and not asks_fist_and_stretch(t.result.task) for t in tasks
     )
 
 
@@ -114,7 +122,9 @@ def behind_reference(tasks: Sequence[Task], edition: Edition) -> list[Lacking]:
         Lacking(r.joint, end, getattr(r, end), f.judged.degrees / DEG)
         for r in over_tasks(tasks)
         for end in WORD
-        if r.angle == "flexion" and (f := reference_of(r, end, edition)) is not None
+        if r.angle == "flexion"
+        and asks_all_of(r.joint, tasks)
+        and (f := reference_of(r, end, edition)) is not None
     ]
 
 
