@@ -131,3 +131,32 @@ def test_offered_values_of_an_option_have_words_and_are_sent_by_their_names(
     assert found["offered"] == [[value, words[f"choice.{value}"]] for value in offered]
     assert words["choice.full"] in found["hint"]
     assert found["sent"] == [{"method": "ekf", "options": {"alignment": "common"}}]
+
+
+BY_FINGER = """(rows) => {
+  document.body.innerHTML = `<main><section class="stack"><div class="card"><div class="scroll"><table class="ranges by-finger"><tbody>${rows}</tbody></table></div></div></section></main>`;
+  return [...document.querySelectorAll("td, th")].flatMap((cell) =>
+    [...cell.textContent.matchAll(/[^ ]+/g)].filter(({ 0: word, index }) => {
+      const range = document.createRange();
+      range.setStart(cell.firstChild, index);
+      range.setEnd(cell.firstChild, index + word.length);
+      return range.getClientRects().length > 1;
+    }).map(({ 0: word }) => word));
+}"""
+
+
+def test_on_a_telephone_no_word_of_total_active_motion_is_broken(browser: Browser) -> None:
+    page = browser.new_page(viewport={"width": 390, "height": 844})
+    page.route(f"{SITE}/**", serve)
+    page.goto(SITE)
+    for style in ("style.css", "styles/frame.css", "styles/session.css"):
+        page.add_style_tag(url=f"{SITE}/static/{style}")
+    cells = "<th>{}</th><td>{}</td><td>{}</td><td>gegenüber 260° (Norm)</td>"
+    rows = [
+        ("Zeigefinger", "237°, abzüglich Streckdefizit: PIP 1°", "100 % ausgezeichnet"),
+        ("Ring", "237°, less extension deficit: PIP 1°", "91 % good"),
+    ]
+    table = "".join(f"<tr>{cells.format(*row)}</tr>" for row in rows)
+    assert page.evaluate(BY_FINGER, table) == []
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.close()
