@@ -199,7 +199,7 @@ def same_recordings(db: Session, session: PatientSession) -> list[RecordingFile]
         )
         .order_by(RecordingFile.id)
     )
-    return [f for f in db.scalars(found) if f.id < sums[f.sha256]]
+    return [f for f in db.scalars(found) if f.id < sums[f.sha256 or ""]]
 
 
 def visible_among(db: Session, sessions: Collection[int]) -> set[int]:
