@@ -183,7 +183,8 @@ class CorrectionRow(TypedDict):
     kind: str
     onset: float
     end: float
-    reason: str
+    reason: str  # as typed; of an offered one the English words
+    reason_code: str  # of an offered one: helped, wrong, interrupted, slipped, pain
     made: datetime
     undone: datetime | None
 
@@ -223,6 +224,7 @@ class SessionAnswer(SessionRow):
     station: str | None
     saving: bool  # it was finished, and its recording is being stored
     other_hand: dict[str, Any] | None  # session and hand, of the same visit
+    same_recording: list[dict[str, Any]]  # session, started, added: it was kept there before
     recordings: list[RecordingRow]
 
 

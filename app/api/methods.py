@@ -32,6 +32,7 @@ def list_methods(language: LanguageDep) -> list[dict[str, Any]]:
                 | {
                     "meaning": language.translate(meaning_of(name, d)),
                     "source": language.translate(source_of(name, d)),
+                    "choice_words": [language.known(f"choice.{c}", c) for c in d.choices],
                 }
                 for d in describe(m.Params)
             ],

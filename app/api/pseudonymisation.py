@@ -17,6 +17,7 @@ WITHHELD: Mapping[str, Any] = {
     "examiner": "",
     "name": "",
     "reason": "",
+    "reason_code": "",
     "comment": "",
     "date_reason": "",
     "doubts": [],

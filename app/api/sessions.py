@@ -87,7 +87,11 @@ class NewCorrection(Incoming):
     kind: str = Field(
         description="exclude (the trial), move (its ends), leave_out (a stretch within it)"
     )
-    reason: str = Field(max_length=1000)
+    reason: str = Field("", max_length=1000, description="why, in somebody's own words")
+    reason_code: Literal["", "helped", "wrong", "interrupted", "slipped", "pain"] = Field(
+        "",
+        description="why, as one of the reasons that pages offer: everybody reads it in their language",
+    )
     onset: float = Field(
         0.0,
         allow_inf_nan=False,
@@ -107,6 +111,7 @@ class NewResult(Incoming):
 async def upload_recording(
     db: Db,
     parts: PartsDep,
+    language: LanguageDep,
     patient_id: int,
     file: UploadFile,
     hand: Annotated[str | None, Form()] = None,
@@ -132,7 +137,21 @@ async def upload_recording(
     finally:
         Path(place).unlink(missing_ok=True)
     result = _queue(db, parts, session, method, {})
-    return {"session": session.id, "result": result.id}
+    again = [
+        phrase(
+            "store.recording_again",
+            session=f.session_id,
+            started=f"{f.session.started:%Y-%m-%d}",
+            added=f"{f.added:%Y-%m-%d}",
+        )
+        for f in records.same_recordings(db, session)
+    ]
+    return {
+        "session": session.id,
+        "result": result.id,
+        "warnings": [language.translate(sentence) for sentence in again],
+        "same_recording": _same_recording(db, session),
+    }
 
 
 @router.get("/sessions/unfinished")
@@ -195,6 +214,7 @@ def read_session(
         "station": station.name if station else None,
         "saving": parts.stations.saves(session.id),
         "other_hand": _other_hand(db, session),
+        "same_recording": _same_recording(db, session),
         "recordings": [
             for_reader(requester, recording_row(f))
             | {"corrections": [for_reader(requester, correction_row(c)) for c in f.corrections]}
@@ -250,7 +270,8 @@ def correct(db: Db, parts: PartsDep, recording_id: int, new: NewCorrection) -> d
     """Take a trial or a stretch of it out of the figures, or move its ends; what was computed is computed anew without it, and kept."""
     file = _require_closed(db, recording_id)
     before = results.current(file)
-    made = corrections.add(db, file, new.event, new.kind, new.reason, new.onset, new.end)
+    reason = corrections.OFFERED.get(new.reason_code, new.reason)
+    made = corrections.add(db, file, new.event, new.kind, reason, new.onset, new.end)
     return {"correction": correction_row(made), "results": recomputed(db, parts, file, before)}
 
 
@@ -353,6 +374,7 @@ def correction_row(c: Correction) -> CorrectionRow:
         "onset": c.onset,
         "end": c.end,
         "reason": c.reason,
+        "reason_code": corrections.reason_code(c),
         "made": c.made,
         "undone": c.undone,
     }
@@ -362,6 +384,14 @@ def _other_hand(db: Db, s: PatientSession) -> dict[str, Any] | None:
     """The session of the other hand in the same visit."""
     other = next(iter(records.same_visit(db, s)), None)
     return {"session": other.id, "hand": other.hand} if other else None
+
+
+def _same_recording(db: Db, s: PatientSession) -> list[dict[str, Any]]:
+    """The sessions that have the same recording, and when each got it."""
+    return [
+        {"session": f.session_id, "started": f.session.started, "added": f.added}
+        for f in records.same_recordings(db, s)
+    ]
 
 
 def _elsewhere(db: Db, parts: Parts, session: PatientSession) -> dict[str, Any] | None:

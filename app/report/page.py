@@ -33,6 +33,7 @@ from handscope.app.report.units import DEG, places_of, unit_words, with_unit
 from handscope.app.report.words import calibration_words, device_words, moment_words
 from handscope.estimators.data.calibration import SensorQuality
 from handscope.estimators.data.samples import FORCE
+from handscope.estimators.messages.sentence import Sentence
 
 Page = dict[str, Any]
 
@@ -193,7 +194,7 @@ def _left_out(part: LeftOut, language: Language) -> list[str]:
         language.translate(part.title),
         language.known(f"correction.{part.kind}", part.kind),
         span,
-        part.reason,
+        language.translate(part.reason) if isinstance(part.reason, Sentence) else part.reason,
     ]
 
 

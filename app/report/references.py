@@ -30,6 +30,18 @@ class Reference:
     degrees: float  # signed as everywhere
     source: Source
     note: str = ""
+    also: "Reference | None" = None  # what another source says
+
+    @property
+    def judged(self) -> "Reference":
+        """What an end is judged by: of two sources the one that asks for less, so that a joint is behind only where it is behind both."""
+        each = [self, self.also] if self.also else [self]
+        return min(each, key=lambda r: r.degrees if self.end == "largest" else -r.degrees)
+
+    @property
+    def other(self) -> "Reference | None":
+        """What the source says that an end is not judged by."""
+        return self.also if self.judged is self else self
 
 
 @dataclass(frozen=True)
@@ -56,18 +68,7 @@ class Edition:
     def references(self) -> tuple[Reference, ...]:
         """All reference values of joint motion, one a joint, angle and end."""
         return tuple(
-            Reference(
-                joint,
-                v["angle"],
-                v["end"],
-                float(v["degrees"]),
-                self.source(v["source"]),
-                with_code(
-                    f"reference_note.{v['joints'][0]}_{v['angle']}_{v['end']}", v.get("note", "")
-                ),
-            )
-            for v in self.data["values"]
-            for joint in v["joints"]
+            self._reference(v, joint) for v in self.data["values"] for joint in v["joints"]
         )
 
     @cached_property
@@ -83,6 +84,19 @@ class Edition:
         return SmallestChange(
             float(value["per_second"]), self.source(value["source"]), value["note"]
         )
+
+    def _reference(self, v: Mapping[str, Any], joint: str) -> Reference:
+        note = with_code(
+            f"reference_note.{v['joints'][0]}_{v['angle']}_{v['end']}", v.get("note", "")
+        )
+        of = joint, v["angle"], v["end"]
+        second = v.get("also")
+        also = (
+            Reference(*of, float(second["degrees"]), self.source(second["source"]))
+            if second
+            else None
+        )
+        return Reference(*of, float(v["degrees"]), self.source(v["source"]), note, also)
 
     def source(self, key: str) -> Source:
         found = self.data["sources"][key]

@@ -1,5 +1,6 @@
 """Units a person reads: degrees and millimetres instead of SI, percent for shares."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -115,6 +116,17 @@ def significant_places(value: float, unit: str) -> int:
     """Decimals that a person can use in a table of all figures: of 2.5 taps per second two, of 81 degrees none, of 8 degrees one."""
     most = MOST_DECIMALS.get(unit, 3)
     return min(decimals(value), most + (abs(value) < 10 and most == 0))
+
+
+def deviation_words(trials: Sequence[Figure], language: Language) -> str:
+    """ "± 0.9°": the standard deviation of a figure's value where it is of one trial; "" where it is not known."""
+    figure, *others = trials
+    sd = 0.0 if others or figure.sd is None else figure.sd
+    read = reading(Figure(figure.name, sd, figure.unit, ""))
+    if not (np.isfinite(read.value) and read.value > 0):
+        return ""
+    number = language.number(read.value, decimals_of_sd(read.value))
+    return f"± {with_unit(number, read.unit, language)}"
 
 
 def decimals_of_sd(sd: float) -> int:

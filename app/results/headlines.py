@@ -7,8 +7,6 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Literal
 
-import numpy as np
-
 from handscope.app.language import Language
 from handscope.app.report.change_words import level_words, value_words
 from handscope.app.report.changes import Change, Changes
@@ -16,13 +14,19 @@ from handscope.app.report.content import Task
 from handscope.app.report.norms import norm_of
 from handscope.app.report.progress.importance import BESIDE, FIRST, LESS_IS_BETTER, MORE_IS_BETTER
 from handscope.app.report.progress.labels import label
-from handscope.app.report.references import Edition, newest
+from handscope.app.report.references import Edition, Reference, newest
 from handscope.app.report.sections.other_measures import share_words
-from handscope.app.report.sections.range_comparison import reference_of
+from handscope.app.report.sections.range_comparison import (
+    asks_all_of,
+    reference_of,
+    reference_span,
+    reference_words,
+)
 from handscope.app.report.sections.range_rows import GRADES, over_tasks
 from handscope.app.report.units import (
     DEG,
     decimals_of_sd,
+    deviation_words,
     directions_of,
     reading,
     significant_places,
@@ -92,8 +96,11 @@ def joint_deficits(
             continue
         reference = reference_of(r, "largest", chosen)
         least, most = _theirs(r, other, "min"), _theirs(r, other, "max")
-        against = most if most is not None else reference.degrees if reference else None
-        if against is None:
+        if most is not None:
+            against, named_against = most, f"{most:.0f}°"
+        elif reference and asks_all_of(r.joint, tasks):
+            against, named_against = reference.judged.degrees, reference_words(reference, language)
+        else:
             continue
         short = max(0.0, against - r.largest * DEG)
         name = " ".join(joint_words(r.joint, language)).strip()
@@ -101,7 +108,7 @@ def joint_deficits(
             "deficit.behind" if round(short) else "deficit.none",
             joint=name,
             value=flexion_words(r.largest, language),
-            against=f"{against:.0f}°",
+            against=named_against,
             size=f"{short:.0f}°",
         )
         level = _level(short, chosen.smallest_change.value)
@@ -113,7 +120,7 @@ def joint_deficits(
                 "level": level,
                 "range": [round(r.smallest * DEG), round(r.largest * DEG)],
                 "other": None if least is None or most is None else [round(least), round(most)],
-                "reference": round(reference.degrees) if reference else None,
+                "reference": round(reference.judged.degrees) if reference else None,
             }
         )
     return found
@@ -153,7 +160,12 @@ def _tile(
         words = with_unit(f"{language.number(norm.mean, places)}{spread}", norm.unit, language)
         against.append(language.labelled(language.say("norm"), words))
     if reference := _range_reference(figure, edition or newest()):
-        against.append(language.labelled(language.say("norm"), _words(figure, reference, language)))
+        words = (
+            reference_span(reference)
+            if reference.also
+            else _words(figure, reference.degrees / DEG, language)
+        )
+        against.append(language.labelled(language.say("norm"), words))
     return {
         "label": label(figure.name, language) if is_range else named(figure, language),
         "value": _words(figure, value, language),
@@ -167,25 +179,19 @@ def _tile(
 
 def _quality(trials: Sequence[Figure], language: Language) -> dict[str, str]:
     """The worst signal over the trials, and the standard deviation of the value where it is of one trial; "" where not known."""
-    (figure, *others) = trials
-    sd = 0.0 if others or figure.sd is None else figure.sd
-    read = reading(Figure(figure.name, sd, figure.unit, ""))
-    known = np.isfinite(read.value) and read.value > 0
-    number = language.number(read.value, decimals_of_sd(read.value)) if known else ""
     return {
-        "sd": f"± {with_unit(number, read.unit, language)}" if known else "",
+        "sd": deviation_words(trials, language),
         "grade": max((f.grade for f in trials), key=GRADES.index),
     }
 
 
-def _range_reference(figure: Figure, edition: Edition) -> float | None:
-    """How far the end of a range that the figure is conventionally reaches, rad; None of other figures and where nobody tells it."""
+def _range_reference(figure: Figure, edition: Edition) -> Reference | None:
+    """How far the end of a range that the figure is conventionally reaches; None of other figures and where nobody tells it."""
     ends = {
         f"{r.joint}_{r.angle}_{'max' if r.end == 'largest' else 'min'}": r
         for r in edition.references
     }
-    found = ends.get(figure.name)
-    return found.degrees / DEG if found else None
+    return ends.get(figure.name)
 
 
 def _better_direction(figure: Figure) -> Literal["more", "less", ""]:

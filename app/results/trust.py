@@ -15,7 +15,7 @@ from handscope.app.language import Language
 from handscope.app.report.advice import advice
 from handscope.app.report.norms import norm_of
 from handscope.app.report.references import Edition
-from handscope.app.report.units import reading, with_unit
+from handscope.app.report.units import directions_of, reading, with_unit
 from handscope.app.report.words import named
 from handscope.estimators.data.trajectory import FLAG_WORDS, Flag
 from handscope.estimators.hand.anatomy import CHAINS
@@ -185,8 +185,9 @@ def _drift_words(drift: Drift, language: Language) -> str:
 
 
 def _is_beyond(task: str, figure: Figure, edition: Edition | None) -> bool:
-    """Whether an angle is larger than healthy people reach; other figures vary with how a task is done."""
-    if figure.unit != "rad":
+    """Whether an angle is larger than healthy people reach; other figures, and changes of an angle from tap to tap, vary with how a task is done."""
+    is_change = directions_of(figure.name)[1] != ""
+    if figure.unit != "rad" or is_change:
         return False
     norm = norm_of(figure.what, figure.part, task, edition)
     return (

@@ -14,6 +14,7 @@ Grade = Literal["good", "fair", "poor"]
 GRADES: tuple[Grade, ...] = ("good", "fair", "poor")
 TRUSTED = 0.02  # share of flagged samples up to which a figure counts as good
 USABLE = 0.20  # and up to which as fair
+ONE_PERCENT = 0.01  # a smaller share is said to be less
 WRONG = np.uint8(Flag.FAULTY | Flag.DOUBTFUL)  # never good, however short
 
 
@@ -97,7 +98,11 @@ def grade_of(flags: NDArray[np.uint8]) -> tuple[Grade, str]:
     if not found:
         return "good", ""
     share, words = max(found)
-    reason = phrase("measure.share_of_samples", what=words, share=100 * share)
+    reason = (
+        phrase("measure.share_of_samples", what=words, share=100 * share)
+        if share >= ONE_PERCENT
+        else phrase("measure.few_of_samples", what=words)
+    )
     trusted = share <= TRUSTED and not (flags & WRONG).any()
     return ("good" if trusted else "fair" if share <= USABLE else "poor"), reason
 

@@ -62,7 +62,7 @@ KINDS = kinds(
         "taf",
         "rad",
         phrase("figure_meaning.taf"),
-        phrase("figure_source.assh_taf"),
+        join((phrase("figure_source.assh_taf"), ASSH)),
     ),
     Kind(
         "tam",

@@ -20,6 +20,14 @@ if TYPE_CHECKING:
     from handscope.sessions.files.recording import LoadedRecording
 
 REDACTED = phrase("correction.reason_redacted")
+OFFERED: Mapping[str, str] = {  # reasons that pages offer, by the names that they send
+    "helped": phrase("correction.reason_helped"),
+    "wrong": phrase("correction.reason_wrong"),
+    "interrupted": phrase("correction.reason_interrupted"),
+    "slipped": phrase("correction.reason_slipped"),
+    "pain": phrase("correction.reason_pain"),
+}
+WORDED = {words: words for words in OFFERED.values()}
 # a whole trial; its ends; a stretch within it, such as one repetition
 Kind = Literal["exclude", "move", "leave_out"]
 SHORTEST = 0.5  # s that a trial must keep
@@ -34,7 +42,10 @@ def add(
     onset: float = 0.0,
     end: float = 0.0,
 ) -> Correction:
-    """Keep a correction of the recording's event number `event` (from 0, in its order); `onset` to `end`, s, are the new ends or the stretch."""
+    """Keep a correction of the recording's event number `event` (from 0, in its order); `onset` to `end`, s, are the new ends or the stretch.
+
+    The reason is one of OFFERED's sentences, or what a person typed.
+    """
     task = _task_of(file, event)
     if kind not in get_args(Kind):
         raise InputError("clinic.unknown_correction", name=kind, kinds=", ".join(get_args(Kind)))
@@ -50,9 +61,9 @@ def add(
             raise InputError("clinic.trial_already_left_out")
         if before.kind == kind == "move":
             before.undone = now()  # its ends are moved anew
-    made = Correction(
-        recording=file, event=event, kind=kind, onset=onset, end=end, reason=reason.strip()[:1000]
-    )
+    typed = reason.strip()[:1000]
+    kept = WORDED.get(typed, typed)
+    made = Correction(recording=file, event=event, kind=kind, onset=onset, end=end, reason=kept)
     db.add(made)
     db.commit()
     return made
@@ -79,11 +90,21 @@ def active(file: RecordingFile) -> list[dict[str, Any]]:
     return as_data(c for c in file.corrections if c.undone is None)
 
 
+def reason_of(row: Correction) -> str:
+    """Why; of an offered reason its sentence, also where it was stored as English words alone."""
+    return WORDED.get(row.reason, row.reason)
+
+
+def reason_code(row: Correction) -> str:
+    """The name of an offered reason; "" of a typed one."""
+    return next((name for name, words in OFFERED.items() if words == row.reason), "")
+
+
 def as_data(rows: Iterable[Correction]) -> list[dict[str, Any]]:
     """Corrections as a result keeps them."""
     ordered = sorted(rows, key=lambda c: (c.event, c.kind, c.onset, c.end, c.id))
     return [
-        {"event": c.event, "kind": c.kind, "onset": c.onset, "end": c.end, "reason": c.reason}
+        {"event": c.event, "kind": c.kind, "onset": c.onset, "end": c.end, "reason": reason_of(c)}
         for c in ordered
     ]
 

@@ -18,13 +18,11 @@ from handscope.estimators.messages import GAP, Message, Value, english_texts
 from handscope.estimators.messages.sentence import (
     BETWEEN,
     PLAIN,
-    STORED,
     Sentence,
-    from_plain,
     messages_of,
     to_plain,
 )
-from handscope.sessions.db.json_data import JsonData
+from handscope.sessions.db.json_data import JsonData, stored_text
 
 LONGEST = 4000  # characters of a text; a longer one stays a text
 WORDS = re.compile("[a-z]{2}")
@@ -65,12 +63,7 @@ class TextWithCodes(TypeDecorator[str]):
         return json.dumps(to_plain(value)) if isinstance(value, Sentence) else value
 
     def process_result_value(self, value: str | None, dialect: Dialect) -> str | None:
-        if value is None:
-            return None
-        with suppress(ValueError):
-            if value.startswith("{") and (data := json.loads(value)).keys() == STORED:
-                return str(from_plain(data))
-        return read_back(value)
+        return None if value is None else read_back(stored_text(value))
 
 
 def read_back(text: str) -> str:

@@ -13,6 +13,7 @@ from handscope.sessions.db.columns import Base as Base
 from handscope.sessions.db.columns import UtcDateTime as UtcDateTime
 from handscope.sessions.db.columns import now as now
 from handscope.sessions.db.earlier_texts import TextsWithCodes, TextWithCodes
+from handscope.sessions.db.json_data import SentenceOrTyped
 from handscope.sessions.db.patientless_tables import Attempt as Attempt
 from handscope.sessions.db.patientless_tables import AuditLine as AuditLine
 from handscope.sessions.db.patientless_tables import ErasedFile as ErasedFile
@@ -200,7 +201,7 @@ class Correction(Base):
     kind: Mapped[str] = mapped_column(String(16))  # exclude, move, leave_out
     onset: Mapped[float]  # s of the recording
     end: Mapped[float]
-    reason: Mapped[str]
+    reason: Mapped[str] = mapped_column(SentenceOrTyped)
     made: Mapped[datetime] = mapped_column(default=now)
     undone: Mapped[datetime | None]
 

@@ -186,6 +186,22 @@ def same_visit(db: Session, session: PatientSession) -> list[PatientSession]:
     return list(db.scalars(select(PatientSession).where(is_neighbour).order_by(PatientSession.id)))
 
 
+def same_recordings(db: Session, session: PatientSession) -> list[RecordingFile]:
+    """Files of the patient's other sessions that were kept before with the content of one of this session's, the first one first."""
+    sums = {f.sha256: f.id for f in session.recordings if f.sha256}
+    found = (
+        select(RecordingFile)
+        .join(PatientSession)
+        .where(
+            PatientSession.patient_id == session.patient_id,
+            PatientSession.id != session.id,
+            RecordingFile.sha256.in_(sums),
+        )
+        .order_by(RecordingFile.id)
+    )
+    return [f for f in db.scalars(found) if f.id < sums[f.sha256 or ""]]
+
+
 def visible_among(db: Session, sessions: Collection[int]) -> set[int]:
     """Which of these sessions the database session sees."""
     return set(db.scalars(select(PatientSession.id).where(PatientSession.id.in_(sessions))))

@@ -21,6 +21,7 @@ import * as quality from "../session/quality.js";
 import * as ranges from "../session/ranges.js";
 import * as recordings from "../session/recordings.js";
 import * as references from "../session/references.js";
+import * as related from "../session/related.js";
 import * as results from "../session/results.js";
 import * as selfCalibration from "../session/self_calibration.js";
 import * as selfCalibrationGain from "../session/self_calibration_gain.js";
@@ -101,9 +102,8 @@ function draw(root, api, about) {
   const typed = treats ? [notes, dating, closed && trunkHeight.worn(session) && trunkHeight] : [];
   const read = [done && goals, done && references, done && selfCalibrationGain, closed && selfCalibration];
   const aside = placed([...read, ...typed]);
-  const [head, choice, other] = [done ? [[downloads, place("")]] : [], [[results, place("")]], session.other_hand];
-  const [name, lead] = [h("h1", {}), h("p", { class: "soft" })];
-  const beside = other && h("a", { href: `/sessions/${other.session}` }, t(`session.other_hand.${other.hand}`));
+  const [head, choice] = [done ? [[downloads, place("")]] : [], [[results, place("")]]];
+  const [name, lead, beside] = [h("h1", {}), h("p", { class: "soft" }), h("div", {})];
   const heading = h("div", {}, trail(session), name, lead, beside);
   const tell = (now) => {
     name.textContent = t("session.heading", { day: day(now.started) });
@@ -122,7 +122,7 @@ function draw(root, api, about) {
     ),
   );
   const further = [...numbers, ...tasks, ...kept, ...aside].filter(([part]) => part !== quality && part !== headlines);
-  const leave = assemble(api, about, [...head, ...choice, ...main, ...aside]);
+  const leave = assemble(api, about, [[related, beside], ...head, ...choice, ...main, ...aside]);
   if (done) foldOnPhone(further.map(([, place]) => place));
   return leave;
 }

@@ -74,17 +74,20 @@ export function mount(root, api, { record }) {
     data.append("marks", JSON.stringify(marks));
     data.append("keep", keep.checked);
     if (files[1]) data.append("second", files[1]);
-    await api.upload(address, data, () => {});
+    const { id } = await api.upload(address, data, () => {});
     picture.value = second.value = "";
-    await show();
+    await show(id);
   }
 
-  async function show() {
+  /** All that were measured; the one that was made just now is open. */
+  async function show(made = null) {
     const all = await api.get(address);
-    if (!gone) list.replaceChildren(...all.map(one));
+    if (gone) return;
+    list.replaceChildren(...all.map((photograph) => one(photograph, photograph.id === made)));
+    list.querySelector("details[open] > summary")?.focus();
   }
 
-  function one(photograph) {
+  function one(photograph, open) {
     const said = h("span", { class: "soft", role: "status" });
     const seen = record.now;
     const take = async () => {
@@ -103,7 +106,7 @@ export function mount(root, api, { record }) {
       photograph.picture && h("a", { class: "button", href: `/api/photographs/${photograph.id}/picture.jpg` }, t("photograph.picture"));
     return h(
       "details",
-      {},
+      { open },
       h("summary", {}, title),
       figuresTable(photograph.table),
       h("div", { class: "buttons" }, use, link, gone_for_good),

@@ -32,9 +32,8 @@ export function mount(root, api, { result, trial, send }) {
   const repetitions = each.map((one, k) => repetition(one, k + 1, () => choose(one)));
   const heading = t("correct.repetitions");
   const reason = h("input", { name: "reason", maxlength: 1000, autocomplete: "off" });
-  const quick = REASONS.map((word) =>
-    h("button", { type: "button", onclick: () => (reason.value = t(`correct.reason.${word}`)) }, t(`correct.reason.${word}`)),
-  );
+  const offered = new Map(REASONS.map((code) => [t(`correct.reason.${code}`), code]));
+  const quick = [...offered.keys()].map((words) => h("button", { type: "button", onclick: () => (reason.value = words) }, words));
   const form = h(
     "form",
     { class: "correcting", novalidate: true },
@@ -107,9 +106,11 @@ export function mount(root, api, { result, trial, send }) {
   }
 
   onSubmit(form, box, async () => {
-    if (!reason.value.trim()) throw new Error(t("correct.missing"));
+    const words = reason.value.trim();
+    if (!words) throw new Error(t("correct.missing"));
+    const why = offered.has(words) ? { reason_code: offered.get(words) } : { reason: words };
     const [onset, end] = chosen();
-    await send({ event: trial.event, kind: kind(), reason: reason.value.trim(), onset, end });
+    await send({ event: trial.event, kind: kind(), ...why, onset, end });
   });
   drawEnds();
   draw();

@@ -48,8 +48,7 @@ export function mount(root, api, { session, result, go }) {
       controls = new Map(chosen().options.map((o) => [o, control(o, result?.parameters?.[o.name] ?? o.default)]));
       options.replaceChildren(
         ...[...controls].map(([o, input]) => {
-          const begun = o.kind === "bool" ? t(o.default ? "yes" : "no") : o.default;
-          const source = t("again.source", { initial: begun, source: o.source });
+          const source = t("again.source", { initial: valueWords(o, o.default), source: o.source });
           return field(unitSigns(labelOf(o)), input, unitSigns(source));
         }),
       );
@@ -78,20 +77,17 @@ function labelOf(option) {
 
 function control(option, value) {
   const name = option.name;
-  if (option.choices.length)
+  const offered = option.kind === "bool" ? [true, false] : option.choices;
+  if (offered.length)
     return select(
-      option.choices.map((word) => [word, word]),
-      String(value),
-      { name },
-    );
-  if (option.kind === "bool")
-    return select(
-      [
-        ["true", t("yes")],
-        ["false", t("no")],
-      ],
+      offered.map((one) => [String(one), valueWords(option, one)]),
       String(value),
       { name },
     );
   return h("input", { name, value: String(value), inputmode: option.kind === "str" ? "text" : "decimal", autocomplete: "off" });
+}
+
+function valueWords(option, value) {
+  if (option.kind === "bool") return value ? t("yes") : t("no");
+  return option.choice_words[option.choices.indexOf(value)] ?? value;
 }

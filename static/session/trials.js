@@ -106,7 +106,8 @@ function badge(standing) {
 
 function correctionWords(correction, trial) {
   const range = within(correction.onset, correction.end, trial);
-  return t(`trials.told.${correction.kind}`, { ...range, reason: correction.reason });
+  const reason = correction.reason_code ? t(`correct.reason.${correction.reason_code}`) : correction.reason;
+  return t(`trials.told.${correction.kind}`, { ...range, reason });
 }
 
 /** A stretch in seconds of the trial. */

@@ -1,6 +1,6 @@
 /** The glove: strips found and missing, rate, losses, and whatever else needs attention, in plain words. */
 import { h, paced, whenChanged } from "../dom.js";
-import { stripWords } from "../words/clinical.js";
+import { deviceWords, stripWords } from "../words/clinical.js";
 import { counted, decimal, t, whole } from "../words/words.js";
 
 const STRIPS = ["hand", "thumb", "index", "middle", "ring", "little", "forearm"];
@@ -56,7 +56,7 @@ export function mount(root, api, { station }) {
     ({ glove }) => [glove.name, glove.firmware, glove.battery, glove.forces, glove.flowing ? unworn(glove) : []],
     ([name, firmware, battery, forces, without]) => {
       lead.textContent = [
-        name,
+        name && deviceWords(name),
         firmware && t("glove.firmware", { firmware }),
         isCharge(battery) && t("glove.battery", { battery }),
       ]

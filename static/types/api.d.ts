@@ -80,6 +80,7 @@ export interface CorrectionRow {
   onset: number;
   end: number;
   reason: string;
+  reason_code: string;
   made: string;
   undone: string | null;
 }
@@ -161,7 +162,8 @@ export interface NewAccount {
 export interface NewCorrection {
   event: number;
   kind: string;
-  reason: string;
+  reason?: string;
+  reason_code?: "" | "helped" | "wrong" | "interrupted" | "slipped" | "pain";
   onset?: number;
   end?: number;
 }
@@ -457,6 +459,7 @@ export interface SessionAnswer {
   station: string | null;
   saving: boolean;
   other_hand: Record<string, any> | null;
+  same_recording: Record<string, any>[];
   recordings: RecordingRow[];
 }
 

@@ -18,7 +18,7 @@ RESULT = re.compile(r"/api/results/\d+\?lean")
 
 
 def test_a_trial_is_left_out_with_a_reason_and_taken_back(
-    page_without_scene: Page, server: Server, processed: int
+    page_without_scene: Page, another_page: Callable[..., Page], server: Server, processed: int
 ) -> None:
     page = page_without_scene
     page.goto(f"{server.base}/sessions/{processed}")
@@ -38,6 +38,8 @@ def test_a_trial_is_left_out_with_a_reason_and_taken_back(
     page.locator("summary").filter(has_text="about the recording").click()
     shown(page.get_by_text("tapping: left out of the figures (Interrupted)"))
     keep_picture(page, "session-corrected")
+    reader = another_page(scene=False, at=f"/sessions/{processed}", locale="de")
+    shown(reader.get_by_text("Ausgenommen: Unterbrochen"))
     page.get_by_role("button", name="Undo").click()
     shown(page.get_by_role("heading", name="Finger tapping"))
     page.get_by_text("Taken back", exact=True).click()

@@ -12,12 +12,14 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.journeys.house import (
+    Server,
     api,
     figure,
     held_back,
     keep_picture,
     keep_screen,
     leave_scene,
+    new_patient,
     scene_drawn,
     sent_late,
     shown,
@@ -81,6 +83,25 @@ def test_an_uploaded_recording_gives_numbers_and_a_replay(
     page.wait_for_function(f"() => {HERE} < 6")
     page.get_by_role("link", name="Back to the results").click()
     page.wait_for_url("**/sessions/*")
+
+
+def test_a_recording_that_is_there_already_is_kept_again_and_said(
+    page_without_scene: Page, server: Server, recording: Path
+) -> None:
+    page = page_without_scene
+    page.goto(f"{server.base}/patients/{new_patient(page)}")
+    address, sessions = page.url, list[str]()
+    for _ in range(2):
+        page.goto(address)
+        upload(page, "tapping.zip", recording.read_bytes())
+        page.wait_for_url("**/sessions/*")
+        sessions.append(page.url)
+    warning = shown(page.get_by_text("The same recording was kept before"))
+    keep_picture(page, "session-same-recording")
+    warning.get_by_role("link").click()
+    page.wait_for_url(sessions[0])
+    shown(page.get_by_role("heading", level=1))
+    expect(page.get_by_text("The same recording was kept before")).to_have_count(0)
 
 
 def _with_unit(recording: bytes, unit: str) -> bytes:

@@ -9,6 +9,8 @@ from handscope.app.report.changes import read_as
 from handscope.app.report.content import Content
 from handscope.app.report.progress.importance import rank
 from handscope.app.report.progress.labels import label
+from handscope.app.report.units import deviation_words
+from handscope.estimators.measures.figure import Figure
 from handscope.sessions.clinic.repeatability import Key, Values, measured_values
 
 MOST = 3
@@ -16,7 +18,7 @@ ELSEWHERE = "thumb_tam"  # its motion has rows in the table
 
 
 def key_figures(content: Content, language: Language) -> list[dict[str, Any]]:
-    """Name, task, value, the other hand's, the change since the session before, in words, and whether it is beyond measurement error; "" where not known."""
+    """Name, task, value and its standard deviation, the other hand's, the change since the session before, in words, and whether it is beyond measurement error; "" where not known."""
     found = _important(content)
     measures = dict[str, list[Key]]()
     for key in sorted(found, key=lambda k: (-_change_in_mdcs(k, content), rank(k) or (), k)):
@@ -52,10 +54,21 @@ def _tile(key: Key, found: Values, content: Content, language: Language) -> dict
         "label": label(key[2], language),
         "task": language.translate(titles[key[1]]),
         "value": _words(key, *found[key], language),
+        "sd": deviation_words(_trials(key, content), language),
         "other": language.labelled(side, _words(key, *theirs, language)) if theirs else "",
         "change": language.say("change.since", change=changed, day=since) if changed else "",
         "beyond": bool(change and change.beyond),
     }
+
+
+def _trials(key: Key, content: Content) -> list[Figure]:
+    """What the value of a key was made of."""
+    return [
+        f
+        for t in content.tasks
+        for f in t.result.figures
+        if (t.result.measure, t.result.task, f.name) == key
+    ]
 
 
 def _words(key: Key, value: float, unit: str, language: Language) -> str:

@@ -28,6 +28,7 @@ from handscope.app.report.units import (
 from handscope.app.report.words import grade_words, named, span_words
 from handscope.estimators.measures.figure import Figure
 from handscope.estimators.measures.total_active_motion import NORM
+from handscope.estimators.messages.sentence import messages_of
 
 Section = dict[str, Any]
 OWN = ("tapping", "range_of_motion")  # measures that have one
@@ -97,10 +98,15 @@ def _section(trials: Sequence[Task], language: Language, edition: Edition | None
         "marks": language.known(
             f"marks.{trials[0].result.measure}", ""
         ),  # what the lines upright mean
-        "source": language.several(
-            dict.fromkeys(language.translate(f.source) for t in trials for f in t.result.figures)
-        ),
+        "source": _sources([f.source for t in trials for f in t.result.figures], language),
     }
+
+
+def _sources(sources: Sequence[str], language: Language) -> str:
+    """Each once, also where several figures name it beside others."""
+    return language.several(
+        dict.fromkeys(language.render(m) for source in sources for m in messages_of(source))
+    )
 
 
 def _common_reason(reasons: Sequence[str]) -> str:

@@ -286,7 +286,9 @@ class _Bar:
 def _ticks(r: Range, references: Sequence[Reference]) -> tuple[float, ...]:
     """Reference values of a range; those of 0 need none, the zero line is there."""
     return tuple(
-        f.degrees for f in references if (f.joint, f.angle) == (r.joint, r.angle) and f.degrees
+        f.judged.degrees
+        for f in references
+        if (f.joint, f.angle) == (r.joint, r.angle) and f.degrees
     )
 
 

@@ -9,6 +9,7 @@ from handscope.app.report.content import Content, Task
 from handscope.app.report.references import Edition, Reference
 from handscope.app.report.sections.range_rows import RangeRow, over_tasks
 from handscope.app.report.units import DEG
+from handscope.estimators.measures.asked_extension import asks_fist_and_stretch
 from handscope.estimators.measures.range_of_motion import Range
 from handscope.sessions.clinic.repeatability import Values
 
@@ -35,6 +36,33 @@ def reference_of(r: Range, end: End, edition: Edition) -> Reference | None:
         (f for f in edition.references if (f.joint, f.angle, f.end) == (r.joint, r.angle, end)),
         None,
     )
+
+
+def asks_all_of(joint: str, tasks: Sequence[Task]) -> bool:
+    """Whether one of the tasks asked the joint to bend as far as it goes: a fist asks that of the fingers, not of the thumb."""
+    return not joint.startswith("thumb_") or any(
+        t.asks(joint, "flexion") and not asks_fist_and_stretch(t.result.task) for t in tasks
+    )
+
+
+def reference_words(reference: Reference, language: Language) -> str:
+    """What an end is judged by, and where another source says something else, both with their names: "65° (ASSH; ... 80°)"."""
+    judged, other = reference.judged, reference.other
+    if other is None:
+        return f"{judged.degrees:.0f}°"
+    return language.say(
+        "reference.two",
+        judged=f"{judged.degrees:.0f}°",
+        source=language.translate(judged.source.name),
+        other=f"{other.degrees:.0f}°",
+        elsewhere=language.translate(other.source.name),
+    )
+
+
+def reference_span(reference: Reference) -> str:
+    """ "65–80°" where two sources differ, else "80°"."""
+    each = sorted({r.degrees for r in (reference, reference.also) if r})
+    return f"{'–'.join(f'{degrees:.0f}' for degrees in each)}°"
 
 
 def other_hand(content: Content, tasks: Sequence[Task]) -> list[Range]:
@@ -91,10 +119,12 @@ class Lacking:
 def behind_reference(tasks: Sequence[Task], edition: Edition) -> list[Lacking]:
     """Every end of flexion that has a reference."""
     return [
-        Lacking(r.joint, end, getattr(r, end), f.degrees / DEG)
+        Lacking(r.joint, end, getattr(r, end), f.judged.degrees / DEG)
         for r in over_tasks(tasks)
         for end in WORD
-        if r.angle == "flexion" and (f := reference_of(r, end, edition)) is not None
+        if r.angle == "flexion"
+        and asks_all_of(r.joint, tasks)
+        and (f := reference_of(r, end, edition)) is not None
     ]
 
 

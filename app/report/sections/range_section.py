@@ -10,7 +10,12 @@ from handscope.app.report.change_words import range_changes, row_ends
 from handscope.app.report.content import Content, Curve, Task
 from handscope.app.report.references import Reference
 from handscope.app.report.sections import plots
-from handscope.app.report.sections.range_comparison import flexion_with_sd, other_hand, reference_of
+from handscope.app.report.sections.range_comparison import (
+    flexion_with_sd,
+    other_hand,
+    reference_of,
+    reference_span,
+)
 from handscope.app.report.sections.range_rows import (
     RangeRow,
     asks_full_range,
@@ -129,7 +134,7 @@ def _cells(
             "quiet",
         ]
     if full and (reference := reference_of(bend, "largest", content.edition)):
-        found["flexion"]["reference"] = [f"{reference.degrees:.0f}°", "quiet"]
+        found["flexion"]["reference"] = [reference_span(reference), "quiet"]
     for group, words in changed.items():
         found[group]["change"] = [words, "strong"]
     return found
@@ -218,9 +223,10 @@ def _sources(rows: Sequence[RangeRow], ticks: Sequence[Reference], language: Lan
                 if palmar
                 else f"source.{part if part in ('wrist', 'thumb') else 'fingers'}"
             )
-            parts.setdefault(reference.source.name, [])
-            if word not in parts[reference.source.name]:
-                parts[reference.source.name].append(word)
+            for source in (r.source.name for r in (reference, reference.also) if r):
+                parts.setdefault(source, [])
+                if word not in parts[source]:
+                    parts[source].append(word)
     return language.several(
         language.labelled(language.all_of(words), name) for name, words in parts.items()
     )

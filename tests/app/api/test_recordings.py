@@ -283,13 +283,19 @@ def test_a_trial_is_left_out_with_a_reason_and_taken_back(
     event = next(k for k, e in enumerate(file["summary"]["events"]) if e["trial_type"] == "task")
     told = client.post(
         f"/api/recordings/{file['id']}/corrections",
-        json={"event": event, "kind": "exclude", "reason": "Pain"},
+        json={"event": event, "kind": "exclude", "reason_code": "pain"},
     )
     assert told.status_code == 201, told.text
     (pair,) = told.json()["results"]
     second = finished(client, pair["now"])
     assert (pair["before"], second["state"], second["figures"]) == (first["id"], "done", [])
     assert any("left out of the figures (Pain)" in w for w in second["warnings"])
+    read = client.get(f"/api/results/{second['id']}", params={"language": "de"}).json()
+    assert any("(Schmerzen)" in w for w in read["warnings"])
+    told_in_german = client.get(
+        f"/api/results/{second['id']}/report.html", params={"language": "de"}
+    ).text
+    assert ("Schmerzen" in told_in_german, "Pain" in told_in_german) == (True, False)
     kept = client.get(f"/api/results/{first['id']}").json()
     assert kept["figures"] == first["figures"]  # what was computed before stays as it was
     row = client.get(f"/api/sessions/{made['session']}").json()["recordings"][0]
@@ -297,6 +303,7 @@ def test_a_trial_is_left_out_with_a_reason_and_taken_back(
         first["id"]: False,
         second["id"]: True,
     }
+    assert row["corrections"][0]["reason_code"] == "pain"
     back = client.delete(f"/api/corrections/{told.json()['correction']['id']}").json()
     assert back["results"] == [{"before": second["id"], "now": first["id"]}]
     assert back["correction"]["undone"]
@@ -511,3 +518,19 @@ def test_orientations_alone_are_processed_by_a_method_that_takes_them(
     made = upload(client, patient, writer.pack(writer.tree(oriented, "01", "wiggle")))
     result = finished(client, made.json()["result"])
     assert (result["method"], result["state"], result["error"]) == ("m2", "done", "")
+
+
+def test_a_recording_that_is_there_already_is_kept_again_and_named(
+    client: TestClient, patient: int, packed: bytes
+) -> None:
+    first = upload(client, patient, packed).json()
+    again = upload(client, patient, packed).json()
+    elsewhere = client.post("/api/patients", json={"pseudonym": "P-other"}).json()["id"]
+    for new in (first, upload(client, elsewhere, packed).json()):
+        assert (new["warnings"], new["same_recording"]) == ([], [])
+        assert client.get(f"/api/sessions/{new['session']}").json()["same_recording"] == []
+    assert again["session"] != first["session"]
+    (sentence,), (there,) = again["warnings"], again["same_recording"]
+    assert f"is there already: session {first['session']} of {there['started'][:10]}" in sentence
+    told = client.get(f"/api/sessions/{again['session']}").json()["same_recording"]
+    assert [row["session"] for row in told] == [first["session"]] == [there["session"]]

@@ -13,6 +13,7 @@ from handscope.app.language import ENGLISH, NAME, Language, language, languages,
 from handscope.app.protocols import load_all, load_steps
 from handscope.app.protocols.plans import built_in
 from handscope.app.report.words import figure_words
+from handscope.estimators.data.options import describe
 from handscope.estimators.data.trajectory import FLAG_WORDS
 from handscope.estimators.errors import InputError
 from handscope.estimators.measures import MEASURES
@@ -248,3 +249,8 @@ def test_a_line_of_the_audit_trail_has_words_for_what_was_done_to_what() -> None
             files("handscope.app.language").joinpath(f"{one.code}.json").read_text("utf-8")
         )["pages"]
         assert wanted - set(own) == set()
+
+
+def test_every_value_that_a_methods_option_offers_has_words() -> None:
+    offered = {c for m in METHODS.values() for d in describe(m.Params) for c in d.choices}
+    assert {f"choice.{c}" for c in offered} <= ENGLISH.words.keys()

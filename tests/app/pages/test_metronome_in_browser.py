@@ -19,7 +19,12 @@ from tests.app.scene.small_site import eventually
 pytestmark = pytest.mark.browser
 ROOT = Path(static.__file__).parent
 SITE = "http://handscope.test"
-KINDS = {".js": "text/javascript", ".css": "text/css", ".woff2": "font/woff2"}
+KINDS = {
+    ".js": "text/javascript",
+    ".css": "text/css",
+    ".woff2": "font/woff2",
+    ".svg": "image/svg+xml",
+}
 DOCUMENT = """<!doctype html><link rel="stylesheet" href="/static/colors.css"><link rel="stylesheet" href="/static/style.css">
 <link rel="stylesheet" href="/static/styles/station.css"><div class="scene"><div class="metronome"></div></div>"""
 STEP = 0.1  # s between two messages

@@ -49,3 +49,46 @@ def test_the_glove_of_the_hand_is_proposed(browser: Browser, language: str) -> N
         proposed(browser, language, "right", [gloves[0], glove("/dev/tty", None, "port")])
         == "/dev/tty"
     )
+
+
+ENTERED = """async ([module, about, field, typed]) => {
+  const { mount } = await import(module);
+  const [sent, unanswered] = [[], new Promise(() => {})];
+  const api = { get: async (path) => (path === "/api/gloves" ? [{ path: "left", hand: "left", description: "left" }] : []), post: (...body) => (sent.push(body), unanswered) };
+  const record = { now: { id: 1, affected_hand: "left", sessions: [], clock: { now: new Date().toISOString(), doubts: [] } } };
+  const kept = { now: [], loaded: Promise.resolve(), watch: () => () => {} };
+  mount(document.body, api, { record, kept, go: () => {}, send: (reason) => (sent.push(reason), unanswered), cancel: () => sent.push("cancelled"), ...about });
+  await new Promise((drawn) => setTimeout(drawn, 50));
+  if (field === "port") document.querySelector("input[name=glove][value='?']").click();
+  const input = document.querySelector(`input[name=${field}]`);
+  input.focus();
+  input.value = typed;
+  window.sent = sent;
+}"""
+
+
+@pytest.mark.parametrize(
+    ("module", "about", "field", "sent"),
+    [
+        ("/static/patient/new_session.js", {}, "examiner", {"port": "left", "examiner": "A"}),
+        ("/static/patient/new_session.js", {}, "port", {"port": "A", "examiner": ""}),
+        ("/static/station/confirming.js", {"act": "skip"}, "reason", "A"),
+        ("/static/station/confirming.js", {"act": "unable"}, "reason", "A"),
+    ],
+)
+def test_enter_in_a_text_field_does_once_what_the_steps_main_button_does(
+    browser: Browser, module: str, about: dict[str, Any], field: str, sent: Any
+) -> None:
+    page = browser.new_page(locale="en")
+    page.route(f"{SITE}/**", serve)
+    page.goto(SITE)
+    page.evaluate(ENTERED, [module, about, field, "A"])
+    for _ in range(2):  # once too often
+        page.keyboard.press("Enter")
+        page.wait_for_function("sent.length > 0")
+    (found,) = page.evaluate("sent")
+    page.close()
+    if isinstance(sent, str):
+        assert found == sent
+    else:
+        assert {key: found[1][key] for key in sent} == sent

@@ -59,6 +59,10 @@ def test_a_number_and_its_unit_stay_on_one_line_and_other_words_may_wrap(
     assert sentence.count("\xa0") == 2
 
 
+def test_a_deviation_stays_on_one_line_with_its_sign(browser: Browser) -> None:
+    assert said(browser, "en", TOGETHER, ["± 0.001 per s"]) == ["±\xa00.001\xa0per\xa0s"]
+
+
 def test_a_figures_sign_is_read_on_the_pages_as_in_the_report(browser: Browser) -> None:
     names = [f"a{part}b" for part in units.DIRECTIONS] + ["tapping_rate"]
     read = """async (names) => {

@@ -172,7 +172,9 @@ def test_the_numbers_are_those_that_were_measured() -> None:
     assert f"Taps {tapping.count} " in text
     assert re.search(rf"Rate {tapping.rate:.2f} per s", text)
     assert re.search(rf"Amplitude, mean {1e3 * tapping.amplitudes.mean():.1f} ± \d+\.\d mm", text)
-    assert re.search(r"Ring MCP 80° ± \d\.\d° 90° 1\d° hyperextension 1\d° abd\., \d° add\.", text)
+    assert re.search(
+        r"Ring MCP 80° ± \d\.\d° 85–90° 1\d° hyperextension 1\d° abd\., \d° add\.", text
+    )
     wrist = {
         f.name: abs(round(float(np.degrees(f.value))))
         for f in session()[2][-2].figures

@@ -26,7 +26,8 @@ def test_a_reference_value_has_a_source_and_is_plausible(reference: Reference) -
 def test_no_value_stands_twice_and_every_source_is_used() -> None:
     assert len({(r.joint, r.angle, r.end) for r in references()}) == len(references())
     file = json.loads(FILE.read_text("utf-8"))
-    used = {
+    used = {v["also"]["source"] for v in file["values"] if "also" in v}
+    used |= {
         v["source"] for table in ("values", "norms", "smallest_changes") for v in file[table]
     } | {file[name]["source"] for name in ("smallest_change", "smallest_change_of_rate")}
     assert used == set(file["sources"])
@@ -55,6 +56,14 @@ def test_every_hinge_of_the_hand_has_a_largest_and_a_smallest_flexion() -> None:
 def test_values_are_the_published_ones(joint: str, angle: str, end: str, degrees: float) -> None:
     (found,) = [r.degrees for r in references() if (r.joint, r.angle, r.end) == (joint, angle, end)]
     assert found == degrees
+
+
+def test_a_fingers_joints_have_the_values_that_its_total_motion_counts_as_well() -> None:
+    ring = {r.joint: r for r in references() if r.joint.startswith("ring") and r.end == "largest"}
+    counted = [r.also.degrees for r in ring.values() if r.also]
+    assert (counted, sum(counted)) == ([85, 110, 65], 260)
+    assert [r.judged.degrees for r in ring.values()] == [85, 100, 65]
+    assert [r.other.degrees for r in ring.values() if r.other] == [90, 110, 80]
 
 
 def test_the_smallest_change_that_counts_names_its_source() -> None:

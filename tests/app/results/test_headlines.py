@@ -12,7 +12,9 @@ from handscope.app.report.change_words import value_words
 from handscope.app.report.changes import Change, Changes
 from handscope.app.report.content import Task
 from handscope.app.report.progress.importance import WRIST, leading_ranges
+from handscope.app.report.references import newest
 from handscope.app.report.sections.other_measures import share_words
+from handscope.app.report.sections.range_comparison import behind_reference
 from handscope.app.report.units import READABLE
 from handscope.app.results.headlines import finger_rows, headlines, joint_deficits
 from handscope.estimators.measures.assessment import TaskResult
@@ -193,6 +195,26 @@ def test_a_joint_behind_the_reference_has_a_level(flexion: int, level: str) -> N
     result = TaskResult("rom_fist", "range_of_motion", 0.0, 9.0, [bent], ())
     (joint,) = joint_deficits([Task(result, "Fist", "", None)], EN, None, None)
     assert (joint["joint"], joint["level"]) == ("index_pip", level)
+
+
+@pytest.mark.parametrize(("flexion", "level"), [(61, "none"), (52, "small"), (40, "large")])
+def test_a_joint_is_behind_only_where_it_is_behind_both_sources(flexion: int, level: str) -> None:
+    bent = Range("ring_dip", "flexion", flexion * DEG, 0.0, 1.0, 2.0, "good", "")
+    result = TaskResult("rom_fist", "range_of_motion", 0.0, 9.0, [bent], ())
+    (joint,) = joint_deficits([Task(result, "Fist", "", None)], EN, None, None)
+    assert (joint["level"], joint["reference"]) == (level, 65)
+    against = "65° (ASSH; Electronic Textbook of Hand Surgery: 80°)"
+    assert joint["words"] == f"Ring DIP: flexion {flexion}°, {65 - flexion}° behind {against}"
+
+
+@pytest.mark.parametrize(("task", "joints"), [("rom_fist", []), ("rom_thumb", ["thumb_ip"])])
+def test_a_fist_asks_not_all_of_a_thumbs_flexion(task: str, joints: list[str]) -> None:
+    bent = Range("thumb_ip", "flexion", 41 * DEG, 0.0, 1.0, 2.0, "good", "")
+    tasks = [Task(TaskResult(task, "range_of_motion", 0.0, 9.0, [bent], ()), "", "", None)]
+    assert [j["joint"] for j in joint_deficits(tasks, EN, None, None)] == joints
+    assert {gap.joint for gap in behind_reference(tasks, newest())} == {*joints}
+    theirs = other("thumb_ip_flexion_max", 80 * DEG, "rad", "range_of_motion")
+    assert [j["level"] for j in joint_deficits(tasks, EN, theirs, None)] == ["large"]
 
 
 def test_the_other_hand_comes_before_the_reference() -> None:

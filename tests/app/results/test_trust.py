@@ -79,6 +79,17 @@ def test_a_spread_larger_than_healthy_people_reach_is_flagged() -> None:
     assert "27°" in told["reasons"][0] and "17° ± 2.6°" in told["reasons"][0]
 
 
+def test_a_change_from_tap_to_tap_is_no_angle_that_healthy_people_do_not_reach() -> None:
+    growing = replace(
+        figure(value=0.02),
+        name="tapping_angle_decrement_slope",
+        what="tapping_angle_decrement_slope",
+        part="",
+    )
+    told = trust_payload(judge_trust([("tapping", growing)], True), {}, EN)
+    assert (told["answer"], told["reasons"]) == ("yes", [])
+
+
 def test_without_figures_the_answer_is_no() -> None:
     assert judge_trust([], True).answer == "no"
 

@@ -95,6 +95,9 @@ def test_the_worst_flag_is_the_reason() -> None:
     flags[:50] |= np.uint8(Flag.HEADING_LOST)
     assert grade_of(flags) == ("poor", "heading lost after a gap in 50 % of the samples")
     assert grade_of(np.zeros((0, 3), np.uint8)) == ("poor", "no samples")
+    once = np.zeros((1000, 1), np.uint8)
+    once[0] = Flag.MISSING
+    assert grade_of(once)[1].endswith(" in less than 1 % of the samples")
 
 
 @pytest.mark.parametrize("name", MEASURES)

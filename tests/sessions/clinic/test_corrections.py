@@ -9,8 +9,11 @@ from sqlalchemy.orm import Session
 
 from handscope.estimators.data.samples import Event
 from handscope.estimators.errors import InputError
+from handscope.estimators.messages import Message
+from handscope.estimators.messages.sentence import Sentence, codes_of, messages_of
 from handscope.sessions.clinic import corrections, results, trunk_height
 from handscope.sessions.db.tables import (
+    Correction,
     Patient,
     PatientSession,
     RecordingFile,
@@ -72,6 +75,34 @@ def test_a_result_is_a_function_of_what_counts_and_undoing_gives_the_first_one_b
     assert [(c.reason, c.undone is None) for c in file.corrections] == [
         ("Pain", False)
     ]  # what was decided stays readable
+
+
+def test_an_offered_reason_keeps_its_code_and_a_typed_one_its_words(
+    db: Session, file: RecordingFile
+) -> None:
+    coded = corrections.add(db, file, 1, "exclude", corrections.OFFERED["slipped"])
+    typed = corrections.add(db, file, 2, "exclude", "slipped")
+    db.expire_all()
+    assert [*messages_of(coded.reason)] == [Message("correction.reason_slipped", {})]
+    assert [corrections.reason_code(c) for c in (coded, typed)] == ["slipped", ""]
+    assert not isinstance(typed.reason, Sentence)
+    kept = results.find_matching(db, file, "m2", {}, "1")
+    db.expire_all()
+    assert results.current(file) == [kept]
+    assert codes_of(kept.corrections[0]["reason"]) == {"correction.reason_slipped"}
+
+
+def test_english_words_of_an_offered_reason_that_were_stored_before_have_its_code(
+    db: Session, file: RecordingFile
+) -> None:
+    db.add(Correction(recording=file, event=1, kind="exclude", onset=4.0, end=19.0, reason="Wrong movement"))  # fmt: skip
+    db.add(Correction(recording=file, event=2, kind="exclude", onset=22.0, end=37.0, reason="Falsche Bewegung"))  # fmt: skip
+    db.commit()
+    db.expire_all()
+    assert [corrections.reason_code(c) for c in file.corrections] == ["wrong", ""]
+    first, second = corrections.active(file)
+    assert codes_of(first["reason"]) == {"correction.reason_wrong"}
+    assert second["reason"] == "Falsche Bewegung"
 
 
 def test_a_height_of_the_trunk_told_afterwards_counts_in_new_results_and_can_be_put_back(

@@ -3,6 +3,8 @@
 import pytest
 from playwright.sync_api import Browser
 
+from handscope.app.api.methods import list_methods
+from handscope.app.language import languages
 from tests.app.pages.test_metronome_in_browser import SITE, serve
 
 pytestmark = pytest.mark.browser
@@ -94,5 +96,67 @@ def test_a_long_code_without_spaces_stays_within_a_telephone(browser: Browser) -
         f"""document.body.innerHTML = `<main><div class="head"><div><p class="trail"><a href="/">{code}</a></p><h1>{code}</h1></div></div>
         <section class="card"><p>{code}</p><table class="rows"><tr><td><a href="/">{code}</a></td></tr></table></section></main>`"""
     )
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.close()
+
+
+AGAIN = """async ([methods, method]) => {
+  const { mount } = await import("/static/session/reprocess.js");
+  const sent = [];
+  const api = { get: async () => methods, post: async (path, body) => (sent.push(body), { result: 2 }) };
+  mount(document.body, api, { session: { id: 1 }, result: { method, parameters: {}, state: "done" }, go: () => {} });
+  await new Promise((drawn) => setTimeout(drawn));
+  const choice = document.querySelector("select[name=alignment]");
+  const offered = [...choice.options].map((option) => [option.value, option.text]);
+  const hint = choice.closest(".field").textContent;
+  choice.value = "common";
+  document.querySelector("form").requestSubmit();
+  await new Promise((sent) => setTimeout(sent));
+  return { offered, hint, sent };
+}"""
+
+
+@pytest.mark.parametrize("language", languages())
+def test_offered_values_of_an_option_have_words_and_are_sent_by_their_names(
+    browser: Browser, language: str
+) -> None:
+    words = languages()[language].words
+    context = browser.new_context(locale=language)
+    page = context.new_page()
+    page.route(f"{SITE}/**", serve)
+    page.goto(SITE)
+    found = page.evaluate(AGAIN, [list_methods(languages()[language]), "ekf"])
+    context.close()
+    offered = ["full", "common", "heading"]
+    assert found["offered"] == [[value, words[f"choice.{value}"]] for value in offered]
+    assert words["choice.full"] in found["hint"]
+    assert found["sent"] == [{"method": "ekf", "options": {"alignment": "common"}}]
+
+
+BY_FINGER = """(rows) => {
+  document.body.innerHTML = `<main><section class="stack"><div class="card"><div class="scroll"><table class="ranges by-finger"><tbody>${rows}</tbody></table></div></div></section></main>`;
+  return [...document.querySelectorAll("td, th")].flatMap((cell) =>
+    [...cell.textContent.matchAll(/[^ ]+/g)].filter(({ 0: word, index }) => {
+      const range = document.createRange();
+      range.setStart(cell.firstChild, index);
+      range.setEnd(cell.firstChild, index + word.length);
+      return range.getClientRects().length > 1;
+    }).map(({ 0: word }) => word));
+}"""
+
+
+def test_on_a_telephone_no_word_of_total_active_motion_is_broken(browser: Browser) -> None:
+    page = browser.new_page(viewport={"width": 390, "height": 844})
+    page.route(f"{SITE}/**", serve)
+    page.goto(SITE)
+    for style in ("style.css", "styles/frame.css", "styles/session.css"):
+        page.add_style_tag(url=f"{SITE}/static/{style}")
+    cells = "<th>{}</th><td>{}</td><td>{}</td><td>gegenüber 260° (Norm)</td>"
+    rows = [
+        ("Zeigefinger", "237°, abzüglich Streckdefizit: PIP 1°", "100 % ausgezeichnet"),
+        ("Ring", "237°, less extension deficit: PIP 1°", "91 % good"),
+    ]
+    table = "".join(f"<tr>{cells.format(*row)}</tr>" for row in rows)
+    assert page.evaluate(BY_FINGER, table) == []
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
     page.close()

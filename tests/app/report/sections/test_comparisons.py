@@ -13,6 +13,7 @@ from handscope.app.report.content import Content, LeftOut
 from handscope.app.report.page import Page, words_of
 from handscope.app.report.pdf import pdf
 from handscope.app.report.units import DEG
+from handscope.app.results.headlines import headlines
 from handscope.app.results.make import figure_rows
 from handscope.sessions.clinic.references import Course
 from handscope.sessions.clinic.references import Visit as Past
@@ -63,7 +64,7 @@ def test_the_other_hand_and_the_reference_stand_beside_the_value() -> None:
     cells = row(page, "Ring", "PIP")
     own = int(cells["flexion value"].partition("°")[0])
     assert cells["flexion other"] == f"{own + 20}°"
-    assert cells["flexion reference"] == "100°"
+    assert cells["flexion reference"] == "100–110°"
     assert (
         "Less than the right hand of 20 November 2026, 10:32 UTC, by more than 12°: Ring PIP flexion by 20°."
         in page["summary"]
@@ -126,6 +127,24 @@ def test_what_changed_most_is_read_first_and_named_in_short() -> None:
     assert "Rate" in {figure["label"] for figure in others}  # each measure in turn
     sentence = "1 of 2 figures changed by more than measurement error: Ring: total active motion (TAM) 5° lower."
     assert any(sentence in said for said in page["summary"])
+
+
+def test_the_figures_read_first_have_the_deviation_that_the_page_shows() -> None:
+    content = report()
+    page = words_of(content, ENGLISH)
+    rows = [(t.result.task, t.result.measure, f) for t in content.tasks for f in t.result.figures]
+    titles = {t.result.task: t.title for t in content.tasks}
+    tiles = {
+        (task["title"], tile["label"]): tile["sd"]
+        for task in headlines(rows, titles, ENGLISH, None, None, None)
+        for tile in task["tiles"]
+    }
+    shown = {(f["task"], f["label"]): f["sd"] for f in page["key_figures"]}
+    both = shown.keys() & tiles.keys()  # a range leads on the page where its task has no other
+    assert both and {key: tiles[key] for key in both} == {key: shown[key] for key in both}
+    known = [sd for sd in shown.values() if sd]
+    text, html = printed(pdf(content, ENGLISH)), FORMS["html"](content, Style()).decode()
+    assert known and all(sd in text and sd in html for sd in known)
 
 
 def test_twenty_sessions_are_a_report_of_few_pages() -> None:

@@ -188,6 +188,16 @@ def test_a_norm_is_told_with_its_source_and_what_nobody_measured_has_none() -> N
     assert norm is not None and norm["told"].endswith("per s") and norm["reference"]
 
 
+@pytest.mark.parametrize("code", ["en", "de", "fr"])
+def test_a_source_that_several_figures_share_is_said_once(code: str) -> None:
+    (motion,) = [
+        s
+        for s in other_measures(report().tasks, language(code))
+        if s["measure"] == "total_active_motion"
+    ]
+    assert motion["source"].count("HandLab") == 1
+
+
 @pytest.mark.parametrize("scheme", GRADINGS)
 def test_a_grading_chosen_later_gives_the_words_that_it_would_have_given_first(scheme: str) -> None:
     recording, processed, results = session()
