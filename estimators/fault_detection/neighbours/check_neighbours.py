@@ -364,10 +364,10 @@ def _verdict(pairs: Pairs, geometry: HandGeometry) -> tuple[Verdict | None, list
     along, seen = joint_places.bones(pairs, geometry), joint_places.roots(pairs)
     of_hand = joint_places.judge(seen, along, geometry)
     order = joint_places.exchanged_fingers(seen, geometry) if seen else None
-    is_sure = of_hand is not None and of_hand.p_value < OF_HAND
-    if is_sure and (order is None or of_hand.kind != "fingers"):
-        return of_hand, along
-    return order, along
+    if of_hand is None or of_hand.p_value >= OF_HAND:
+        return order, along
+    is_order = of_hand.kind == "fingers" and order is not None
+    return order if is_order else of_hand, along
 
 
 def _limb(sensor: str) -> str:

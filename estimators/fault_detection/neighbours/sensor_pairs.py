@@ -111,11 +111,11 @@ class Pairs:
 
     def use(self, a: str, b: str, late: float = 0.0) -> NDArray[np.bool_]:
         """Windows (K,) in which both have samples."""
-        return self._weight(a, b, late).any(axis=1)
+        return np.asarray(self._weight(a, b, late).any(axis=1))
 
     def whole(self, a: str, b: str) -> NDArray[np.bool_]:
         """Windows (K,) in which both have all samples."""
-        return self._weight(a, b, 0.0).all(axis=1)
+        return np.asarray(self._weight(a, b, 0.0).all(axis=1))
 
     def _weight(self, a: str, b: str, late: float) -> Array:
         """Of the instants (K, m) of two sensors' windows: the longest piece that is whole in both."""

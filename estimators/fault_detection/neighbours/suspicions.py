@@ -129,8 +129,11 @@ def of_verdict(verdict: Verdict, pairs: Pairs) -> Suspicion:
     if verdict.kind == "fingers":
         sensors = tuple(s for f in verdict.fingers for s in CHAINS[f] if s in every)
         if len(verdict.fingers) > 2:
-            values = {"fingers": ", ".join(verdict.fingers), "odds": odds_of(verdict.p_value)}
-            several = Message("fingers.several_exchanged", values, SEVERITY)
+            several = Message(
+                "fingers.several_exchanged",
+                {"fingers": ", ".join(verdict.fingers), "odds": odds_of(verdict.p_value)},
+                SEVERITY,
+            )
             return Suspicion(several, sensors, span, verdict.p_value)
         a, b = verdict.fingers
         message = Message(
