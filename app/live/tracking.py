@@ -46,7 +46,10 @@ from handscope.estimators.orientation.given_orientations import (
     require_rates,
 )
 from handscope.estimators.pipeline.contacts import contact_messages
+from handscope.estimators.pipeline.coupled_segments import coupled_segments
+from handscope.estimators.pipeline.flags import is_fault
 from handscope.estimators.pipeline.method import (
+    Capabilities,
     Method,
     notices_mounting_changes,
     uses_contacts,
@@ -236,7 +239,7 @@ class Tracking:
                 seen, self.calibration, self._state, self.findings, self._segment_flags
             )
             self._segment_flags = segment_flags(
-                calibration, self.findings, self.method.CAPABILITIES.needs_magnetometers
+                calibration, self.findings, self.method.CAPABILITIES
             )
             self._begin(calibration)
 
@@ -554,17 +557,16 @@ def measured(blocks: Sequence[Block]) -> list[Block]:
 
 
 def segment_flags(
-    calibration: Calibration, findings: Sequence[Finding], magnetometer: bool
+    calibration: Calibration, findings: Sequence[Finding], capabilities: Capabilities
 ) -> NDArray[np.uint8]:
-    """Flags (segments,) as a batch run gives them: sensor at fault, or not calibrated."""
+    """Flags (segments,) as a batch run gives them: sensor at fault, or coupled with it, or not calibrated."""
     flags = np.zeros(len(SEGMENTS), np.uint8)
     for finding in findings:
-        if (
-            finding.severity == "fault"
-            and finding.sensor in SEGMENT
-            and (finding.kind != "magnetometer" or magnetometer)
-        ):
+        if is_fault(finding, capabilities.needs_magnetometers):
             flags[SEGMENT[finding.sensor]] |= np.uint8(Flag.FAULTY)
+            if capabilities.couples_chains:
+                coupled = [SEGMENT[s] for s in coupled_segments([finding.sensor])]
+                flags[coupled] |= np.uint8(Flag.DOUBTFUL)
     for segment in calibration.q_BS if calibration.source is CalibrationSource.NONE else ():
         flags[SEGMENT[segment]] |= np.uint8(Flag.UNCALIBRATED)
     return flags

@@ -58,6 +58,7 @@ CAPABILITIES = Capabilities(
     notices_mounting_changes=True,
     uses_contacts=True,
     subtracts_acc_bias=True,
+    couples_chains=True,
 )
 LOST, _FOREARM, _HAND = np.uint8(Flag.HEADING_LOST), SEGMENT["forearm"], SEGMENT["hand"]
 

@@ -79,7 +79,9 @@ from handscope.estimators.self_calibration.uncertainty.monte_carlo import DRAWS
 from handscope.estimators.self_calibration.whole_hand import solver as whole_hand_solver
 
 TITLE = phrase("method_title.map")
-CAPABILITIES = Capabilities(needs_pose=False, batch_only=True, gives_covariance=True)
+CAPABILITIES = Capabilities(
+    needs_pose=False, batch_only=True, gives_covariance=True, couples_chains=True
+)
 ALONE = phrase("map.fingers_alone")
 # begun where each finger has its minimum: the next step would gain a hundredth of that
 TOGETHER = Limits(iterations=25, least_gain=0.25, chord=0.01)

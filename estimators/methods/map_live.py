@@ -35,7 +35,7 @@ from handscope.estimators.self_calibration.sliding_window import streaming_sampl
 from handscope.estimators.self_calibration.sliding_window.limb import Finger, Setting
 
 TITLE = phrase("method_title.map_live")
-CAPABILITIES = Capabilities(needs_pose=True, gives_covariance=True)
+CAPABILITIES = Capabilities(needs_pose=True, gives_covariance=True, couples_chains=True)
 NODES, LEAST = 20, 3  # that a window takes at a time: 0.2 s; that it begins with
 LOST_SD = np.radians(60.0)  # of a heading that was lost
 UNPOSED = 1.0  # rad: without a pose no joint is known to have been straight

@@ -13,6 +13,16 @@ from handscope.estimators.messages.sentence import phrase
 SMALLEST_SHARE = 0.0005  # share of flagged samples that prints as 0.1 %
 
 
+def is_fault(finding: Finding, magnetometer: bool) -> bool:
+    """Whether a tracked point's sensor is not to be trusted; `magnetometer`: whether the method uses those."""
+    return (
+        finding.severity == "fault"
+        and finding.kind != "saturated"
+        and finding.sensor in SEGMENT
+        and (finding.kind != "magnetometer" or magnetometer)
+    )
+
+
 def flag_faults(
     movement: Trajectory, findings: Sequence[Finding], poses: Sequence[float], magnetometer: bool
 ) -> None:
@@ -27,14 +37,10 @@ def flag_faults(
             Flag.SATURATED
             if finding.kind == "saturated"
             else Flag.FAULTY
-            if finding.severity == "fault"
+            if is_fault(finding, magnetometer)
             else None
         )
-        if (
-            flag is not None
-            and finding.sensor in SEGMENT
-            and (finding.kind != "magnetometer" or magnetometer)
-        ):
+        if flag is not None and finding.sensor in SEGMENT:
             for start, stop in finding.spans:
                 _mark(movement, finding.sensor, start, stop, flag)
                 if finding.kind in ("dead_axis", "stuck"):

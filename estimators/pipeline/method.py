@@ -30,6 +30,8 @@ class Capabilities:
     uses_contacts: bool = False
     # accelerometers' biases that a calibration has are taken off the samples
     subtracts_acc_bias: bool = False
+    # its filter estimates the sensors of a finger together: a fault of one is in the angles of all
+    couples_chains: bool = False
 
 
 WORDS: Mapping[str, str] = {  # of each capability, for lists of methods

@@ -35,7 +35,13 @@ from handscope.estimators.orientation.given_orientations import (
     with_orientations,
 )
 from handscope.estimators.pipeline.contacts import contact_messages, with_contacts
-from handscope.estimators.pipeline.flags import flag_faults, flag_guesses, flag_warnings
+from handscope.estimators.pipeline.coupled_segments import flag_coupled, remembered, restarts_of
+from handscope.estimators.pipeline.flags import (
+    flag_faults,
+    flag_guesses,
+    flag_warnings,
+    is_fault,
+)
 from handscope.estimators.pipeline.losses import mark_losses
 from handscope.estimators.pipeline.method import (
     AnyMethod,
@@ -71,6 +77,7 @@ class Processed:
     # of the method, and of the checks (check.py) where they ran; among findings
     suspicions: tuple[Suspicion, ...] = ()
     untested: Untested = NOTHING_UNTESTED  # what the checks, where they ran, could not have found
+    restarts: tuple[float, ...] | None = None  # s, of a filter that couples sensors: restarts_of
 
 
 def process(
@@ -122,6 +129,10 @@ def process(
     ]
     messages += [*of_forces, *of_place]
     mark_losses(movement, whole_of(recording))
+    restarts = restarts_of(method.CAPABILITIES, calibrations)
+    if restarts is not None:
+        for f in (f for f in findings if is_fault(f, method.CAPABILITIES.needs_magnetometers)):
+            flag_coupled(movement, [f.sensor], [remembered(span, restarts) for span in f.spans])
     return Processed(
         movement,
         tuple(calibrations),
@@ -129,6 +140,7 @@ def process(
         findings,
         tuple(warnings),
         noticed,
+        restarts=restarts,
     )
 
 

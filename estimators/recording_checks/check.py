@@ -1,11 +1,11 @@
 """What a method made of a recording, with what the checks of the recording show: messages, flags, and with them the grades of figures.
 
 In      a processed recording, and the recording
-Out     the same with findings; segments of faulty sensors are flagged from when to when, which lowers the grade of what rests on them
+Out     the same with findings; segments of faulty sensors, and what the method's filter couples with them, are flagged from when to when, which lowers the grade of what rests on them
 Limits  those of the checks: fault_detection/check.py
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,6 +25,7 @@ from handscope.estimators.hand.anatomy import SEGMENT
 from handscope.estimators.messages.sentence import messages_of
 from handscope.estimators.methods import m2
 from handscope.estimators.numerics.native_libraries import freed_memory_returned
+from handscope.estimators.pipeline.coupled_segments import flag_coupled, remembered
 from handscope.estimators.pipeline.process import Processed, whole_of
 from handscope.estimators.pipeline.recording_calibration import calibrate
 from handscope.estimators.recording_checks.free_joints import check_joints
@@ -62,6 +63,8 @@ def check_processed(processed: Processed, recording: Recording) -> Processed:
     ]
     findings = as_findings(suspicions)
     flag_segments(processed.trajectory, [*as_findings(processed.suspicions), *findings])
+    if processed.restarts is not None:
+        _flag_coupled(processed, suspicions, processed.restarts)
     processed = _without_explained(processed, suspicions)
     noticed = processed.suspicions
     trajectory = processed.trajectory
@@ -164,12 +167,24 @@ def flag_segments(trajectory: Trajectory, findings: Sequence[Finding]) -> None:
         if finding.sensor not in SEGMENT or "magnetometer" in finding.kind:
             continue
         flag = Flag.FAULTY if finding.severity == "fault" else Flag.DOUBTFUL
-        for rows in _rows(trajectory, finding):
-            trajectory.flags[rows, SEGMENT[finding.sensor]] |= np.uint8(flag)
+        for span in _widened(finding.spans):
+            first, last = np.searchsorted(trajectory.t, span)
+            trajectory.flags[first:last, SEGMENT[finding.sensor]] |= np.uint8(flag)
 
 
-def _rows(trajectory: Trajectory, finding: Finding) -> Iterator[slice]:
-    """Samples in which a finding holds."""
-    for start, stop in finding.spans:
-        first, last = np.searchsorted(trajectory.t, [start - EDGE, stop + EDGE])
-        yield slice(int(first), int(last))
+def _flag_coupled(
+    processed: Processed, suspicions: Sequence[Suspicion], restarts: Sequence[float]
+) -> None:
+    """Mark what the filter couples with sensors at fault, for as long as it remembers the fault; what the method noticed itself, until then: it counts on it afterwards."""
+    for s in processed.suspicions:
+        flag_coupled(processed.trajectory, s.sensors, _widened(s.spans))
+    for s in suspicions:
+        if _is_asked(s) or "magnetometer" in s.message.code:
+            continue
+        spans = [remembered(span, restarts) for span in _widened(s.spans)]
+        for sensors in [(n,) for n in s.sensors] if s.message.severity == "fault" else [s.sensors]:
+            flag_coupled(processed.trajectory, sensors, spans)
+
+
+def _widened(spans: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    return [(start - EDGE, stop + EDGE) for start, stop in spans]

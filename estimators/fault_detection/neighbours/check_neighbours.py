@@ -362,10 +362,12 @@ def _behind_the_wrist(geometry: HandGeometry) -> list[str]:
 
 def _verdict(pairs: Pairs, geometry: HandGeometry) -> tuple[Verdict | None, list[Bone]]:
     along, seen = joint_places.bones(pairs, geometry), joint_places.roots(pairs)
-    verdict = joint_places.judge(seen, along, geometry)
-    if verdict is not None and verdict.p_value < OF_HAND:
-        return verdict, along
-    return (joint_places.exchanged_fingers(seen, geometry) if seen else None), along
+    of_hand = joint_places.judge(seen, along, geometry)
+    order = joint_places.exchanged_fingers(seen, geometry) if seen else None
+    if of_hand is None or of_hand.p_value >= OF_HAND:
+        return order, along
+    is_order = of_hand.kind == "fingers" and order is not None
+    return order if is_order else of_hand, along
 
 
 def _limb(sensor: str) -> str:

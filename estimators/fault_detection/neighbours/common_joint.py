@@ -86,9 +86,14 @@ class Couple:
         return np.maximum(self.first.turning, self.second.turning)
 
     @cached_property
+    def doubt(self) -> Array:
+        """How far (K,) 1/s^2 what an arm of 1 m adds may be off between samples, of the worse of both sensors."""
+        return np.maximum(self.first.doubt, self.second.doubt)
+
+    @cached_property
     def parts(self) -> Array:
-        """Mean squares (K, 3) that a joint of intact sensors leaves: always, as skin moves its place, as scale errors turn with gravity."""
-        skin = ARM * SKIN * np.maximum(self.pulled, self.turning)
+        """Mean squares (K, 3) that a joint of intact sensors leaves: always, as skin moves its place and as movement between samples is not known, as scale errors turn with gravity."""
+        skin = ARM * np.hypot(SKIN * np.maximum(self.pulled, self.turning), self.doubt)
         turn = np.maximum(self.first.turn, self.second.turn)
         always = np.full_like(skin, FLOOR**2 + SCALE_OFF**2)
         return np.stack([always, skin**2, (GRAVITY_OFF * turn) ** 2], axis=1)
@@ -132,14 +137,16 @@ class Couple:
     @cached_property
     def _products(self) -> Array:
         """Mean over instants (K, 3, 3, 3, 3) of the products of what arms add by the first sensor (component, axis) and by the second."""
-        first, second = (s.arm.reshape(*s.arm.shape[:2], 9) for s in (self.first, self.second))
+        arms = self.first.weighted_arm, self.second.weighted_arm
+        first, second = (arm.reshape(*arm.shape[:2], 9) for arm in arms)
         mean = np.swapaxes(first, 1, 2) @ second / first.shape[1]
         return np.asarray(mean.reshape(-1, 3, 3, 3, 3))
 
     def _without_heading(self) -> tuple[Array, NDArray[np.intp]]:
         """Direction (K, 3) of the mean acceleration of the expected place by the first sensor, and windows in which it changes so little that the rotation about it is not known."""
-        seen = self.first.force + self.first.arm @ self.expected[:3]
-        mean = seen.mean(axis=1)
+        by = self.first.weight[..., None]
+        seen = by * (self.first.force + self.first.arm @ self.expected[:3])
+        mean = (by * seen).mean(axis=1)
         up = mean / np.maximum(np.linalg.norm(mean, axis=1), 1e-9)[:, None]
         across = seen - (seen @ up[:, :, None]) * up[:, None]
         return up, np.flatnonzero((across**2).mean(axis=(1, 2)) * BETWEEN**2 < self.noise)

@@ -91,59 +91,75 @@ def roots(pairs: Pairs) -> Roots | None:
 
 
 def exchanged_fingers(seen: Roots, geometry: HandGeometry) -> Verdict | None:
-    """Two long fingers that are probably on each other's place.
+    """Long fingers that are probably on each other's places: two, or as many as an order of all of them moves.
 
     Returns
     -------
     Verdict or None
-        `fingers`, where the knuckles are not as declared, and are as they would be after the exchange.
+        `fingers`, where the knuckles are not as declared, and are as they would be in another order; that which fits best.
     """
-    tests = _exchange_tests(seen, geometry)
-    found = [t for t in tests if t.p_value < FALSE_ALARM and t.fits > FITS]
-    if not found:
+    tests = _order_tests(seen, geometry)
+    p_value = min((t.p_value for t in tests if t.fits > FITS), default=1.0)
+    if p_value >= FALSE_ALARM:
         return None
-    best = min(found, key=lambda t: t.p_value)
-    return Verdict("fingers", best.fingers, best.p_value, len(found) == 1)
+    fitting = [t for t in tests if t.fits > FITS]
+    best = min(fitting, key=lambda t: float(np.sum(t.left**2)))
+    others = [_towards(best.left, t.left) for t in fitting if t is not best]
+    is_only = all(float(student_sf(far, freedom)) < FITS for _, far, _, freedom in others)
+    return Verdict("fingers", best.fingers, p_value, is_only)
 
 
 def untested_fingers(seen: Roots, geometry: HandGeometry) -> tuple[str, ...]:
     """Long fingers of which two could be on each other's place without being found."""
-    tests = _exchange_tests(seen, geometry)
-    unseen = {f for t in tests if t.p_value_of_it >= FALSE_ALARM for f in t.fingers}
+    two = [t for t in _order_tests(seen, geometry) if len(t.fingers) == 2]
+    unseen = {f for t in two if t.p_value_of_it >= FALSE_ALARM for f in t.fingers}
     return tuple(f for f in FINGERS if f in unseen)
 
 
 @dataclass(frozen=True)
-class _ExchangeTest:
-    """Two fingers, asked whether each is on the other's place: probabilities by Student's distribution."""
+class _OrderTest:
+    """Fingers, asked whether they are on each other's places: probabilities by Student's distribution."""
 
-    fingers: tuple[str, str]
-    p_value: float  # that the knuckles of fingers that are not exchanged lie so
-    fits: float  # that those of exchanged ones do
-    p_value_of_it: float  # the first, if they were where the exchange has them
+    fingers: tuple[str, ...]  # that another order moves
+    left: Array  # what that order leaves of the knuckles' places, in standard deviations
+    p_value: float  # that the knuckles of fingers in the declared order lie so
+    fits: float  # that those of fingers in this one do
+    p_value_of_it: float  # the first, if they were where this order has them
 
 
-def _exchange_tests(seen: Roots, geometry: HandGeometry) -> list[_ExchangeTest]:
-    """Every two long fingers: how large the errors of their knuckles' places are is learnt from what is off in all directions but the exchange's."""
+def _order_tests(seen: Roots, geometry: HandGeometry) -> list[_OrderTest]:
+    """Every order of the long fingers: how large the errors of their knuckles' places are is learnt from what is off in all directions but that to the order's. Two fingers are half of the tests."""
     long = [k for k, f in enumerate(seen.fingers) if f != "thumb"]
-    freedom = 3 * len(long) - FREE
-    if freedom < 1:
+    if 3 * len(long) <= FREE:
         return []
     rows = (3 * np.array(long)[:, None] + np.arange(3)).ravel()
     fingers = tuple(seen.fingers[k] for k in long)
     of_long = Roots(fingers, seen.place[long], seen.covariance[np.ix_(rows, rows)])
     declared = np.array([geometry.joint_positions[root_joint(f)] for f in fingers])
-    own, exchanges = _misfit(of_long, declared), list(_exchanges(declared))
+    own, orders = _misfit(of_long, declared), list(itertools.permutations(range(len(long))))[1:]
+    moved = [tuple(k for k, other in enumerate(order) if k != other) for order in orders]
+    two = sum(len(m) == 2 for m in moved)
     tests = []
-    for a, b, place in exchanges:
-        towards = own - _misfit(of_long, place)
-        whole = float(np.linalg.norm(towards))
-        off = float(own @ towards) / whole
-        size = np.sqrt(max(float(own @ own) - off**2, 1e-12) / freedom)
-        p, fits, of_it = student_sf(np.array([off, whole - off, whole]) / size, freedom)
-        count = len(exchanges)
-        tests.append(_ExchangeTest((fingers[a], fingers[b]), count * p, fits, count * of_it))
+    for order, move in zip(orders, moved):
+        left = _misfit(of_long, declared[list(order)])
+        p, fits, of_it = (
+            float(student_sf(far, freedom))
+            for *each, freedom in [_towards(own, left)]
+            for far in each
+        )
+        count = 2 * (two if len(move) == 2 else len(orders) - two)
+        names = tuple(fingers[k] for k in move)
+        tests.append(_OrderTest(names, left, count * p, fits, count * of_it))
     return tests
+
+
+def _towards(own: Array, other: Array) -> tuple[float, float, float, int]:
+    """How far knuckles lie from one description towards another, how far from the other, and how far that is from the first: in errors, learnt from all other directions; their freedoms."""
+    towards, freedom = own - other, len(own) - FREE
+    whole = max(float(np.linalg.norm(towards)), 1e-12)
+    off = float(own @ towards) / whole
+    size = float(np.sqrt(max(float(own @ own) - off**2, 1e-12) / freedom))
+    return off / size, (whole - off) / size, whole / size, freedom
 
 
 def _covariance(joints: Sequence[Joint]) -> Array:

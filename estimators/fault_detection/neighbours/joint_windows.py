@@ -3,7 +3,7 @@
 In      blocks of all inertial streams, gyroscope biases where known
 Out     per window and sensor: specific force, and what an arm of one metre along each axis would add to it, as time series in a frame that does not turn
 Source  acceleration of a point of a rigid body; rates integrated within a window only, so that biases do not accumulate
-Limits  samples that are missing or saturated are bridged by splines; windows that miss more than `MOST_MISSING`, or a stretch of `MOST_EMPTY` instants, are left out
+Limits  samples that are missing or saturated are bridged by splines, no more than `LONGEST_GAP`; of a window with longer gaps counts the longest piece without one
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -31,9 +31,12 @@ LENGTH = 1.0  # s, of a window
 MOST_WINDOWS = 60  # of a recording, those with most movement: what longer ones cost
 AVERAGED = 4  # samples of the common time base that make one of a window's: 25 Hz
 INSTANTS = round(LENGTH * RATE) // AVERAGED  # of a window
-LONGEST_GAP = 0.08  # s
-MOST_MISSING = 0.3
-MOST_EMPTY = 4  # instants of a window in a row without a sample near, over which no spline bridges
+LONGEST_GAP = (
+    0.021  # s, or a usual interval and a half: no spline knows what a finger does meanwhile
+)
+MOST_MISSING = 0.3  # of a second of rest
+BY_HALF = 0.15  # of what every second sample would have derivatives otherwise, that all may: smooth movement an eighth, a kink more
+LEAST_PIECE = 10  # instants of a window between two gaps
 QUIET = 0.06  # rad/s, largest standard deviation of a rate's axis in a second of rest
 BIAS = 0.2  # rad/s, largest zero-rate level that a second of rest may tell
 
@@ -48,6 +51,7 @@ class Series:
     change: Array  # (n, S, 3) rad/s^2, derivative of the rates
     acc: Array  # (n, S, 3) m/s^2
     whole: NDArray[np.bool_]  # (n, S) near a sample that is there
+    doubt: Array  # (n, S) rad/s^2, by which the derivative may be off between samples
     chosen: NDArray[np.int_]  # (K,) numbers of the windows that are looked at, in order
     span: tuple[float, float]  # s, of the whole recording
     count: int  # samples of the whole recording
@@ -62,25 +66,29 @@ class Windows:
     arm: Array  # (K, m, 3, 3) m/s^2 for an arm of 1 m along the sensor's x, y, z
     turned: Array  # (K, m, 3, 3) sensor frame at the window's beginning <- sensor frame
     rate: Array  # (K, m, 3) rad/s
+    doubt: Array  # (K,) 1/s^2, by which what an arm of 1 m along an axis adds may be off, root mean square
     share: Array  # (K, m) of the samples that are there
-
-    @cached_property
-    def valid(self) -> NDArray[np.bool_]:
-        """Windows (K,) that miss few samples, and no stretch of them."""
-        empty = np.lib.stride_tricks.sliding_window_view(self.share == 0.0, MOST_EMPTY, axis=1)
-        stretch = np.any(np.all(empty, axis=2), axis=1)
-        return np.asarray((self.share.mean(axis=1) > 1 - MOST_MISSING) & ~stretch)
+    weight: Array  # (K, m) of the instants: 0 where they are left out, else so that the mean of the squares is 1
 
     def within(self, first: int, count: int) -> "Windows":
         """A part of each window's instants, in the frames of the whole."""
         part = slice(first, first + count)
-        cut = (v[:, part] for v in (self.force, self.arm, self.turned, self.rate, self.share))
-        return Windows(self.t, *cut)
+        force, arm, turned, rate, share, weight = (
+            v[:, part]
+            for v in (self.force, self.arm, self.turned, self.rate, self.share, self.weight)
+        )
+        return Windows(self.t, force, arm, turned, rate, self.doubt, share, weight)
 
     @cached_property
     def vectors(self) -> Array:
         """Vectors (K, m, 3, 7) of a joint's acceleration by this sensor: force, arms, and axes of the frame, negated."""
-        return np.concatenate([self.force[..., None], self.arm, -self.turned], axis=-1)
+        each = np.concatenate([self.force[..., None], self.arm, -self.turned], axis=-1)
+        return np.asarray(self.weight[..., None, None] * each)
+
+    @cached_property
+    def weighted_arm(self) -> Array:
+        """The arms (K, m, 3, 3) by the weights."""
+        return np.asarray(self.weight[..., None, None] * self.arm)
 
     @cached_property
     def gram(self) -> Array:
@@ -97,18 +105,32 @@ class Windows:
     @cached_property
     def turning(self) -> Array:
         """How much each window (K,) adds to an arm of 1 m, root mean square over instants and axes, 1/s^2."""
-        return np.asarray(np.sqrt((self.arm**2).mean(axis=(1, 2, 3)) * 3))
+        return np.asarray(np.sqrt((self.weighted_arm**2).mean(axis=(1, 2, 3)) * 3))
 
     @cached_property
     def arms(self) -> Array:
         """What arms of 1 m add (K, 3, 3), mean over instants of squares and products along the sensor's axes, 1/s^4."""
-        return squares(self.arm)
+        return squares(self.weighted_arm)
 
     @cached_property
     def turn(self) -> Array:
         """How far (K,) rad the sensor turns about its mean orientation, root mean square."""
-        off = self.turned - self.turned.mean(axis=1, keepdims=True)
-        return np.asarray(np.sqrt((off**2).sum(axis=(2, 3)).mean(axis=1) / 2))
+        by = self.weight[..., None, None] ** 2
+        off = self.turned - (by * self.turned).mean(axis=1, keepdims=True)
+        return np.asarray(np.sqrt((by * off**2).sum(axis=(2, 3)).mean(axis=1) / 2))
+
+
+def longest_pieces(whole: NDArray[np.bool_]) -> Array:
+    """Weights (K, m) of the instants of each window by its longest piece in which all are whole (K, m); all 0 where that is shorter than LEAST_PIECE."""
+    K, m = whole.shape
+    run = np.zeros((K, m), int)
+    run[:, 0] = whole[:, 0]
+    for k in range(1, m):
+        run[:, k] = np.where(whole[:, k], run[:, k - 1] + 1, 0)
+    last = run.argmax(axis=1)[:, None]
+    length = run.max(axis=1)[:, None]
+    inside = (np.arange(m) <= last) & (np.arange(m) > last - length) & (length >= LEAST_PIECE)
+    return np.where(inside, np.sqrt(m / np.maximum(length, 1)), 0.0)
 
 
 def squares(arms: Array) -> Array:
@@ -160,13 +182,13 @@ def common_series(
         chosen = most_moved(turned)
     rows, first = _rows_about(chosen, len(t))
     gyr, change, acc = np.empty((3, len(rows), len(names), 3))
-    whole = np.empty((len(rows), len(names)), bool)
+    whole, doubt = np.empty((len(rows), len(names)), bool), np.empty((len(rows), len(names)))
     for group in _sensors_read(inertial, names, bias, t, behind):
         k = group.columns
         gyr[:, k], change[:, k], acc[:, k] = group.gyr[rows], group.change[rows], group.acc[rows]
-        whole[:, k] = group.near[rows, None]
+        whole[:, k], doubt[:, k] = group.near[rows, None], group.doubt[rows]
     span = (float(t[0]), float(t[-1]))
-    return Series(t[rows], names, gyr, change, acc, whole, first, span, len(t))
+    return Series(t[rows], names, gyr, change, acc, whole, doubt, first, span, len(t))
 
 
 def _rows_about(chosen: NDArray[np.int_], count: int) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
@@ -208,6 +230,7 @@ class _Group:
     change: Array  # (n, S, 3) rad/s^2
     acc: Array  # (n, S, 3) m/s^2
     near: NDArray[np.bool_]  # (n,) where samples are near
+    doubt: Array  # (n, S) rad/s^2
 
 
 def _sensors_read(
@@ -229,12 +252,14 @@ def _sensors_read(
             if behind > 0:  # means since the sample before
                 rates = correct_means(rates, np.inf)
             gyr, change, near = _spline(at, rates, later)
+            half = _spline(np.ascontiguousarray(at[::2]), rates[::2], later)[1]
+            doubt = BY_HALF * np.linalg.norm(change - half, axis=2)
             acc, _, also_near = _spline(at, taken(block, ACC, there, own), t)
             near &= also_near
             columns = [names.index(block.stream.sensors[k]) for k in own]
             level = _resting_rates(gyr, near)
             known = [bias.get(names[k], one) for k, one in zip(columns, level)]
-            yield _Group(np.array(columns), gyr - known, change, acc, near)
+            yield _Group(np.array(columns), gyr - known, change, acc, near, doubt)
 
 
 def _spline(at: Array, values: Array, t: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
@@ -246,7 +271,8 @@ def _spline(at: Array, values: Array, t: Array) -> tuple[Array, Array, NDArray[n
     after = np.clip(np.searchsorted(at, t), 1, len(at) - 1)
     flat = np.ascontiguousarray(values.reshape(len(at), -1))
     both, change = evaluate_spline(at, flat, spline_slopes(at, flat), inside, after)
-    near = (at[after] - at[after - 1] < LONGEST_GAP) & (t >= at[0]) & (t <= at[-1])
+    longest = max(LONGEST_GAP, 1.5 * float(np.median(np.diff(at))))
+    near = (at[after] - at[after - 1] < longest) & (t >= at[0]) & (t <= at[-1])
     return both.reshape(shape), change.reshape(shape), near
 
 
@@ -286,5 +312,10 @@ def cut(
     begin = first - around * averaged + later
     filled = force, arm, turned, rate, share
     fill_windows(*readings, begin, columns, 1.0 / RATE, averaged, *filled)
-    t = series.t[np.minimum(first, len(series.t) - 1)]
-    return [Windows(t, *(part[s] for part in filled)) for s in range(len(columns))]
+    t, weight = series.t[np.minimum(first, len(series.t) - 1)], np.ones(shape[1:])
+    inside = np.minimum(first[:, None] + np.arange(round(LENGTH * RATE)), len(series.t) - 1)
+    doubt = np.sqrt((series.doubt[inside][..., columns] ** 2).mean(axis=1)).T
+    return [
+        Windows(t, force[s], arm[s], turned[s], rate[s], doubt[s], share[s], weight)
+        for s in range(len(columns))
+    ]

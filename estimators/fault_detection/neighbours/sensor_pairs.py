@@ -31,6 +31,7 @@ BESIDE = 0.008  # m, beyond the end of its segment, that a sensor may sit from a
 GAINED = (
     0.3  # log ratio by which a joint anywhere explains more than gravity does: movements 0.9 to 4
 )
+WHOLE = 0.99  # share of an instant's samples
 AROUND = 10  # averaged instants beside a window, of which delayed ones are cut: 0.4 s
 POOR = 2.0  # times its noise that a joint leaves over the recording; only then other descriptions are tried
 UNEXPLAINED = 3.0  # times its noise that a joint leaves in the middle of its windows; intact ones leave about one
@@ -45,6 +46,7 @@ class Pairs:
     q_BS: Mapping[str, Array]
     among: frozenset[str] | None = None  # sensors that are looked at; None: all
     _couples: dict[tuple[str, str, float], Couple] = field(default_factory=dict)
+    _weights: dict[tuple[str, str, float], Array] = field(default_factory=dict)
     _speed: dict[str, Array] = field(default_factory=dict)
     _windows: dict[tuple[str, float], Windows] = field(default_factory=dict)
     _regions: dict[tuple[str, str, tuple[str, str]], Region] = field(default_factory=dict)
@@ -71,6 +73,7 @@ class Pairs:
                 change=s.change[first:],
                 acc=s.acc[first:],
                 whole=s.whole[first:],
+                doubt=s.doubt[first:],
             ),
             self.geometry,
             self.q_BS,
@@ -108,7 +111,18 @@ class Pairs:
 
     def use(self, a: str, b: str, late: float = 0.0) -> NDArray[np.bool_]:
         """Windows (K,) in which both have samples."""
-        return self.windows(a).valid & self.windows(b, late).valid
+        return np.asarray(self._weight(a, b, late).any(axis=1))
+
+    def whole(self, a: str, b: str) -> NDArray[np.bool_]:
+        """Windows (K,) in which both have all samples."""
+        return np.asarray(self._weight(a, b, 0.0).all(axis=1))
+
+    def _weight(self, a: str, b: str, late: float) -> Array:
+        """Of the instants (K, m) of two sensors' windows: the longest piece that is whole in both."""
+        if (a, b, late) not in self._weights:
+            share = np.minimum(self.windows(a).share, self.windows(b, late).share)
+            self._weights[a, b, late] = joint_windows.longest_pieces(share > WHOLE)
+        return self._weights[a, b, late]
 
     def joint(self, a: str, b: str, at: tuple[str, str] | None = None, late: float = 0.0) -> Joint:
         """The joint between two sensors that sit on the segments `at`, its place free without them; the readings of `b` taken `late` s later."""
@@ -138,9 +152,10 @@ class Pairs:
         key = (a, b, late)
         if key not in self._couples:
             expected = self.expected(a, b, (a, b)).centre if (a, b) in self.joints else np.zeros(6)
-            self._couples[key] = Couple(
-                self.windows(a), self.windows(b, late), self._pulled(a, b), expected
-            )
+            weight, both = self._weight(a, b, late), (self.windows(a), self.windows(b, late))
+            if not (weight == 1.0).all():
+                both = replace(both[0], weight=weight), replace(both[1], weight=weight)
+            self._couples[key] = Couple(*both, self._pulled(a, b), expected)
         return self._couples[key]
 
     def turning(self, sensor: str) -> Array:
@@ -248,4 +263,5 @@ def _by_matrix(series: Series, sensor: str, M: Array) -> Series:
         change=series.change[:, only] @ M.T,
         acc=series.acc[:, only],
         whole=series.whole[:, only],
+        doubt=series.doubt[:, only],
     )

@@ -3,9 +3,9 @@
 In      pairs of sensors (sensor_pairs.py)
 Out     which sensor, by what turn, from when on
 Source  ours: a test for a break (Chow 1960, Econometrica 28:591) at several instants; a rigid turn moves all joints of a sensor together, skin slides them along the segment.
-        A sensor that turns about itself accelerates nothing, whereas a segment that turned as its gyroscope says would accelerate both its joints
-Limits  a turn about the line from the sensor to its only joint is not seen; gentle movement does not tell places well enough. A turn that the gyroscope sees is found at sensors with two
-        joints, if it takes half a second or less
+        A sensor that turns about itself accelerates nothing, whereas a segment that turned as its gyroscope says would accelerate its joints
+Limits  a turn about the line from the sensor to its only joint is not seen; gentle movement does not tell places well enough. A turn that the gyroscope sees is found if it takes half a
+        second or less and the hand moves gently meanwhile; at the last sensor of a finger only if the movement tells well where its joint lies
 """
 
 from collections.abc import Sequence
@@ -30,12 +30,15 @@ HELD = 0.002  # weight against a turn about the vertical, which gravity does not
 LEAST_SURE = 0.01
 LEAST_PIECE = 6  # samples of a window, before and after
 LEAST = np.radians(6.0)  # smaller turns are those of skin and of mounting
-ODD = 3.0  # times what the recording's other joints let expect, and what its other windows leave, from which on a window is asked whether the sensor turned in it
+ODD = 2.0  # times what the recording's other joints let expect, and what its other windows leave, from which on a window may be asked whether the sensor turned in it
 LENGTHS = (0.15, 0.35)  # s, that a turn takes, about
 FINER = (0.8, 0.9, 1.0, 1.1, 1.25)  # of such a length, twice
 INSTANT = joint_windows.AVERAGED / joint_windows.RATE  # s
+OF_SENSOR, ASKED = 2, 12  # windows of a sensor, and in all, that are asked: the oddest
+STEPS, REFINED = 3, 2  # of the search for a turn, and of its course
+SHIFTS = INSTANT / 4 * np.arange(-3, 4)  # s, of its begin
 DIFFERENCE = 1e-3  # rad, for derivatives
-SURE = 1e-7  # p-value of a turn that a gyroscope saw: what fast flicks of fingers leave is no white noise, of 1,258 intact recordings the smallest p-value was 5e-6
+SURE = 1e-6  # p-value of a turn that a gyroscope saw: flicks of fingers leave no white noise; of 592 intact recordings the smallest of turns of LEAST to MOST was 0.1
 OF_COURSE = 5  # numbers that tell a turn's course: its vector, begin and length
 
 
@@ -48,6 +51,11 @@ class Slip:
     start: float  # s, from when on
     p_value: float
     is_seen: bool = False  # by the sensor's own gyroscope
+
+    @property
+    def size(self) -> float:
+        """Of the turn, rad."""
+        return float(np.linalg.norm(self.turn))
 
 
 def find(pairs: Pairs) -> Slip | None:
@@ -91,7 +99,7 @@ def find_jump(pairs: Pairs) -> Slip | None:
 def _jumped(pairs: Pairs, sensor: str, tests: float) -> tuple[Slip | None, int]:
     """The sensor's largest jump that all its joints show, and how many they are."""
     around = _joints_of(pairs, sensor)
-    fits = [(j, pairs.joint(*j, j), pairs.use(*j)) for j in around]
+    fits = [(j, pairs.joint(*j, j), pairs.whole(*j)) for j in around]
     if not fits:
         return None, 0
     ratio = np.min([np.where(use, f.rest / f.noise, 0.0) for _, f, use in fits], axis=0)
@@ -131,84 +139,110 @@ def _jump(pairs: Pairs, joint: tuple[str, str], found: Joint, k: int) -> tuple[A
 
 
 def find_turning(pairs: Pairs, others: Others) -> Slip | None:
-    """A turn within half a second that the sensor's own gyroscope saw: in one window both joints leave what a segment's turn would accelerate."""
+    """A turn within half a second that the sensor's own gyroscope saw: in one window its joints leave what a segment's turn would accelerate."""
     odd = [
-        (*_oddest(each, others, sensor), each, sensor)
+        (ratio, k, each, sensor)
         for each in (pairs, pairs.later)
         for sensor in each.series.sensors
-        if len(_joints_of(each, sensor)) > 1
+        if _joints_of(each, sensor)
+        for ratio, k in _oddest(each, others, sensor)
+        if ratio > ODD
     ]
-    ratio, k, each, sensor = max(odd, key=lambda o: o[0], default=(0.0, 0, pairs, ""))
-    if ratio < ODD:
-        return None
-    tests = len(odd) * len(pairs.windows(sensor).t) * len(LENGTHS) * joint_windows.INSTANTS
-    turn, begin, p = _turning(each, others, sensor, k, tests)
-    if p > SURE or not LEAST < np.linalg.norm(turn) < MOST:
-        return None
-    return Slip(sensor, turn, begin, p, True)
+    oddest = sorted(odd, key=lambda o: -o[0])[:ASKED]
+    count = 2 * len(pairs.series.sensors) * len(pairs.series.chosen)
+    found = [_turning(each, others, sensor, k, count) for _, k, each, sensor in oddest]
+    sure = [slip for slip in found if slip is not None and LEAST < slip.size < MOST]
+    return min(sure, key=lambda slip: slip.p_value, default=None)
 
 
 def _joints_of(pairs: Pairs, sensor: str) -> list[tuple[str, str]]:
     return [j for j in pairs.joints if sensor in j]
 
 
-def _oddest(pairs: Pairs, others: Others, sensor: str) -> tuple[float, int]:
-    """How many times what other joints, and the sensor's own in other windows, let expect all its joints leave in the window that leaves most, and which that is."""
+def _oddest(pairs: Pairs, others: Others, sensor: str) -> list[tuple[float, int]]:
+    """How many times what other joints, and the sensor's own in other windows, let expect all its joints leave in the windows that leave most, and which those are."""
     sizes, ratios = others.without(sensor), []
     for joint in _joints_of(pairs, sensor):
         fitted = pairs.joint(*joint, joint)
-        use = pairs.use(*joint)
-        ratio = np.where(use, fitted.rest / sizes.expected(fitted.couple.parts), 0.0)
+        ratio = np.where(
+            pairs.whole(*joint), fitted.rest / sizes.expected(fitted.couple.parts), 0.0
+        )
         ratios.append(ratio / max(1.0, float(np.median(ratio))))
     least = np.min(ratios, axis=0)
-    k = int(np.argmax(least))
-    return float(least[k]), k
+    return [(float(least[k]), int(k)) for k in np.argsort(-least)[:OF_SENSOR]]
 
 
-def _turning(
-    pairs: Pairs, others: Others, sensor: str, k: int, tests: int
-) -> tuple[Array, float, float]:
-    """The sensor's turn (3,) rad in window k that explains best what its joints leave, when it begins (s), and the probability that one of some tests finds so much better a fit without one."""
-    joints = _joints_of(pairs, sensor)
-    ends, m = [_End.of(pairs, joint, sensor, k) for joint in joints], joint_windows.INSTANTS
-    without = _mean_square(ends, np.zeros(3), _Course.of(m, 0.0, LENGTHS[0]))
-    parts = [pairs.joint(*j, j).couple.parts[[k]] for j in joints]
-    noise = float(np.mean(others.without(sensor).expected(np.concatenate(parts))))
-    free = len(ends) * m - OF_COURSE  # as in `_jump`: one of three axes' worth of freedom
+def _turning(pairs: Pairs, others: Others, sensor: str, k: int, count: int) -> Slip | None:
+    """The sensor's turn in window k that explains best what its joints leave; None where a turn does no better than chance would in one of `count` windows."""
+    joints, m = _joints_of(pairs, sensor), joint_windows.INSTANTS
+    fits = [pairs.joint(*joint, joint) for joint in joints]
+    sizes = others.without(sensor)
+    noise = float(np.mean([_usual(fit, sizes.expected(fit.couple.parts), k) for fit in fits]))
+    without = _squares([_End.of(pairs, j, f.unknowns, sensor, k) for j, f in zip(joints, fits)])
+    kept = np.arange(m) != np.argmax(without)  # a knock leaves much at one instant
+    free = len(joints) * (m - 1) - OF_COURSE  # as in `_jump`: one of three axes' worth of freedom
+    tests = count * len(LENGTHS) * m
 
-    def p_value(rest: float) -> float:
-        ratio = (without - rest) / OF_COURSE / (max(rest, noise) / free)
+    def p_value(left: Array) -> float:
+        rest = float(left[kept].mean())
+        ratio = (float(without[kept].mean()) - rest) / OF_COURSE / (max(rest, noise) / free)
         return float(f_sf(ratio, OF_COURSE, free)) * tests
 
-    begins = np.arange(-INSTANT, joint_windows.LENGTH - min(LENGTHS) / 2, INSTANT)
-    best = min((_fitted(ends, np.zeros(3), b, n) for n in LENGTHS for b in begins), key=_rest)
-    for _ in range(2 if p_value(best[0]) < 1.0 else 0):
-        _, turn, begin, length = best
-        finer = [(begin + d * INSTANT / 4, length * f) for d in range(-3, 4) for f in FINER]
-        best = min([best, *(_fitted(ends, turn, *each) for each in finer)], key=_rest)
-    rest, turn, begin, _ = best
-    return turn, float(pairs.windows(sensor).t[k] + begin), p_value(rest)
+    if p_value(np.zeros(m)) > SURE:  # whatever the turn
+        return None
+    ends = [_End.of(pairs, j, _without_window(pairs, j, k), sensor, k) for j in joints]
+    begins = np.arange(-INSTANT, joint_windows.LENGTH, INSTANT)
+    begin, length = (v.ravel() for v in np.meshgrid(begins, LENGTHS))
+    whole = begin + length <= joint_windows.LENGTH
+    best = _fitted(ends, np.zeros((int(whole.sum()), 3)), begin[whole], length[whole], noise)
+    for _ in range(REFINED):
+        shift, factor = (v.ravel() for v in np.meshgrid(SHIFTS, FINER))
+        turn = np.tile(best.turn, (len(shift), 1))
+        best = _fitted(ends, turn, best.begin + shift, best.length * factor, noise)
+    p, start = p_value(best.left), float(pairs.windows(sensor).t[k] + best.begin)
+    return Slip(sensor, best.turn, start, p, True) if p < SURE else None
 
 
-def _rest(fit: tuple[float, Array, float, float]) -> float:
-    return fit[0]
+def _squares(ends: Sequence["_End"]) -> Array:
+    """Mean squares (m,) that are left at each instant if nothing turned, (m/s^2)^2."""
+    still = np.zeros((1, 3))
+    course = _Course.of(len(ends[0].force), np.zeros(1), np.ones(1))
+    return np.asarray(np.mean([e.left(still, course)[0] ** 2 for e in ends], axis=(0, 2)))
+
+
+def _usual(fit: Joint, expected: Array, k: int) -> float:
+    """What a joint usually leaves where its recording's others let expect so much (K,), at window k."""
+    elsewhere = fit.use > 0
+    elsewhere[k] = False
+    ratio = float((fit.rest / expected)[elsewhere].mean()) if elsewhere.any() else 1.0
+    return float(expected[k]) * max(1.0, ratio)
+
+
+def _without_window(pairs: Pairs, joint: tuple[str, str], k: int) -> Array:
+    """The joint's unknowns (12,) by all windows but one."""
+    known = pairs.joint(*joint, joint)
+    use = known.use.copy()
+    use[k] = 0.0
+    return common_joint.refit(known, use, known.region).unknowns
 
 
 @dataclass(frozen=True)
 class _Course:
-    """How a turn goes on over the instants of a window: its share, and the derivatives of that by time."""
+    """How turns go on over the instants of a window: their share, and the derivatives of that by time."""
 
-    share: Array  # (m,)
-    rate: Array  # (m,) 1/s
-    change: Array  # (m,) 1/s^2
+    share: Array  # (C, m)
+    rate: Array  # (C, m) 1/s
+    change: Array  # (C, m) 1/s^2
 
     @classmethod
-    def of(cls, m: int, begin: float, length: float) -> "_Course":
-        """As a cubic from 0 at `begin` to 1, `length` s later; means over each instant."""
-        u = np.clip((np.arange(2 * m + 1) * INSTANT / 2 - begin) / length, 0.0, 1.0)
+    def of(cls, m: int, begin: Array, length: Array) -> "_Course":
+        """As cubics from 0 at `begin` (C,) to 1, `length` (C,) s later; means over each instant."""
+        at = np.arange(2 * m + 1) * INSTANT / 2
+        u = np.clip((at - begin[:, None]) / length[:, None], 0.0, 1.0)
         share = u**2 * (3 - 2 * u)
-        rate = 6 * u * (1 - u) / length
-        return cls(share[1::2], np.diff(share[::2]) / INSTANT, np.diff(rate[::2]) / INSTANT)
+        rate = 6 * u * (1 - u) / length[:, None]
+        steps = (np.diff(v[:, ::2], axis=1) / INSTANT for v in (share, rate))
+        return cls(share[:, 1::2], *steps)
 
 
 @dataclass(frozen=True)
@@ -223,8 +257,10 @@ class _End:
     place: Array  # (3,) m, in the sensor's frame
 
     @classmethod
-    def of(cls, pairs: Pairs, joint: tuple[str, str], sensor: str, k: int) -> "_End":
-        found = pairs.joint(*joint, joint).unknowns.reshape(2, 2, 3)
+    def of(
+        cls, pairs: Pairs, joint: tuple[str, str], unknowns: Array, sensor: str, k: int
+    ) -> "_End":
+        found = unknowns.reshape(2, 2, 3)
         own, other = (0, 1) if joint[0] == sensor else (1, 0)
         seen, mine = pairs.windows(joint[other]), pairs.windows(sensor)
         return cls(
@@ -237,36 +273,54 @@ class _End:
         )
 
     def left(self, turn: Array, course: _Course) -> Array:
-        """What is left (m, 3) m/s^2 of the joint's acceleration if the sensor turned so on its segment, the rotation between the sensors being free."""
-        so_far = course.share[:, None] * turn
+        """What is left (C, m, 3) m/s^2 of the joint's acceleration if the sensor turned so (C, 3) on its segment, the rotation between the sensors being free."""
+        by = turn[:, None]
+        so_far = course.share[..., None] * by
         place = self.place - np.cross(so_far, self.place - 0.5 * np.cross(so_far, self.place))
-        own = course.rate[:, None] * turn  # rad/s, of the sensor against its segment
-        change = course.change[:, None] * turn + np.cross(self.rate, own)
+        own = course.rate[..., None] * by  # rad/s, of the sensor against its segment
+        change = course.change[..., None] * by + np.cross(self.rate, own)
         of_segment = np.cross(own, np.cross(own - self.rate, place))
         too_much = np.cross(change, place) + np.cross(self.rate, np.cross(own, place)) - of_segment
-        seen = self.force + np.einsum("mij,mj->mi", self.arm, place)
-        seen = seen - np.einsum("mij,mj->mi", self.turned, too_much)
+        seen = self.force + np.einsum("mij,cmj->cmi", self.arm, place)
+        seen = seen - np.einsum("mij,cmj->cmi", self.turned, too_much)
         R = common_joint.aligned(self.by_neighbour.T @ seen)
-        return np.asarray(self.by_neighbour - seen @ R.T)
+        return np.asarray(self.by_neighbour - seen @ np.swapaxes(R, 1, 2))
 
 
-def _fitted(
-    ends: Sequence[_End], turn: Array, begin: float, length: float
-) -> tuple[float, Array, float, float]:
-    """Mean square that is left with the turn (3,) near one that explains most, which goes on so; that turn; begin and length."""
+@dataclass(frozen=True)
+class _Fit:
+    """A turn and what it leaves."""
+
+    turn: Array  # (3,) rad
+    begin: float  # s, in the window
+    length: float  # s
+    left: Array  # (m,) mean squares at each instant, (m/s^2)^2
+
+
+def _fitted(ends: Sequence[_End], turn: Array, begin: Array, length: Array, noise: float) -> _Fit:
+    """Of turns near some (C, 3) that go on so the one that explains most; small turns are as probable as TURN_SD says."""
     course = _Course.of(len(ends[0].force), begin, length)
+    prior = noise / TURN_SD**2
 
     def left(turn: Array) -> Array:
-        return np.concatenate([e.left(turn, course) for e in ends]).ravel()
+        return np.stack([e.left(turn, course) for e in ends], axis=2).reshape(len(turn), -1)
+
+    def cost(turn: Array, e: Array) -> Array:
+        return np.asarray((e**2).sum(axis=1) + prior * (turn**2).sum(axis=1))
 
     e = left(turn)
-    by = np.stack([(left(turn + d) - e) / DIFFERENCE for d in DIFFERENCE * np.eye(3)], axis=1)
-    turn = turn - np.linalg.lstsq(by, e)[0]
-    return _mean_square(ends, turn, course), turn, begin, length
-
-
-def _mean_square(ends: Sequence[_End], turn: Array, course: _Course) -> float:
-    return float(np.mean([(e.left(turn, course) ** 2).mean() for e in ends]))
+    for _ in range(STEPS):
+        steps = DIFFERENCE * np.eye(3)
+        by = np.stack([(left(turn + d) - e) / DIFFERENCE for d in steps], axis=-1)
+        normal = np.swapaxes(by, 1, 2) @ by + prior * np.eye(3)
+        right = (e[:, None] @ by)[:, 0] + prior * turn
+        tried = turn - np.linalg.solve(normal, right[..., None])[..., 0]
+        then = left(tried)
+        less = (cost(tried, then) < cost(turn, e))[:, None]
+        turn, e = np.where(less, tried, turn), np.where(less, then, e)
+    best = int(np.argmin(cost(turn, e)))
+    each = (e[best].reshape(len(course.share[0]), -1) ** 2).mean(axis=1)
+    return _Fit(turn[best], float(begin[best]), float(length[best]), each)
 
 
 def _turned(pairs: Pairs, before: Sequence[Joint], after: Sequence[Joint]) -> tuple[Array, Array]:

@@ -127,8 +127,15 @@ def of_verdict(verdict: Verdict, pairs: Pairs) -> Suspicion:
     """What the knuckles' places say of the declared hand."""
     every, span = pairs.series.sensors, (whole_span(pairs),)
     if verdict.kind == "fingers":
-        a, b = verdict.fingers
         sensors = tuple(s for f in verdict.fingers for s in CHAINS[f] if s in every)
+        if len(verdict.fingers) > 2:
+            several = Message(
+                "fingers.several_exchanged",
+                {"fingers": ", ".join(verdict.fingers), "odds": odds_of(verdict.p_value)},
+                SEVERITY,
+            )
+            return Suspicion(several, sensors, span, verdict.p_value)
+        a, b = verdict.fingers
         message = Message(
             "fingers.exchanged",
             {"first": a, "second": b, "odds": odds_of(verdict.p_value)},

@@ -32,7 +32,9 @@ LONGEST = 500  # cells between two rests: 10 s
 # of gravity in a rest: 50 mg, the offset of a part that is not calibrated, and what a hand that is carried evenly adds
 REST_SD = np.radians(3.0)
 GAIN_SD = 0.03  # of a path: scale and cross-axis errors of a gyroscope that is right
-DRIFT_SD = np.radians(0.5)  # rad/s: how much a bias may differ from that of the rests
+DRIFT_SD = np.radians(
+    0.5
+)  # rad/s: how much a bias may differ from that of the rests, beyond what these differ from each other and from the others
 MISSES = 3.0  # standard deviations from which on gravity does not arrive
 AWAY = 10  # cells at either end of a rest that are left alone: movements begin slowly
 GAINS = (0.4, 0.5, 0.6, 0.7, 0.8, 1.25, 1.4, 1.6, 2.0, 2.5)
@@ -64,12 +66,15 @@ class _Pair:
     before: Array  # (3,) direction of gravity in the first rest
     after: Array  # (3,) in the second
     cells: tuple[int, int]  # middle of either rest
+    drift_sd: float  # rad/s: how far the bias may be off, as of a sensor that turns slowly while it seems to rest
 
     def sd(self, M: Array) -> float:
         """Standard deviation (rad) of the angle's components."""
         path = CELL * float(np.linalg.norm(self.rates @ M.T, axis=1).sum())
         seconds = CELL * len(self.rates)
-        return float(np.sqrt(2 * REST_SD**2 + (GAIN_SD * path) ** 2 + (DRIFT_SD * seconds) ** 2))
+        return float(
+            np.sqrt(2 * REST_SD**2 + (GAIN_SD * path) ** 2 + (self.drift_sd * seconds) ** 2)
+        )
 
     def off(self, M: Array) -> float:
         """Angle (rad) between gravity as it is turned by rates M w and as it is seen."""
@@ -151,7 +156,7 @@ def _pairs(cells: Cells, k: int) -> Iterator[_Pair]:
     gyr, acc, valid = cells.gyr[:, k], cells.acc[:, k], cells.valid[:, k]
     if len(gyr) < 2 * REST:
         return
-    still = _still(gyr, acc, valid)
+    still, usual = _still(gyr, acc, valid)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
     rests = [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2])]
     for (a, b), (c, d) in zip(rests, rests[1:]):
@@ -160,32 +165,35 @@ def _pairs(cells: Cells, k: int) -> Iterator[_Pair]:
         i, j = first + REST // 2, last - REST // 2
         if j - i > LONGEST or not valid[i:j].all():
             continue
-        bias = 0.5 * (gyr[first:b].mean(axis=0) + gyr[c:last].mean(axis=0))
+        at_rest = gyr[first:b].mean(axis=0), gyr[c:last].mean(axis=0)
+        bias = 0.5 * (at_rest[0] + at_rest[1])
+        unlike = np.array([at_rest[1] - at_rest[0], bias - usual])
         before, after = acc[first:b].mean(axis=0), acc[c:last].mean(axis=0)
         yield _Pair(
             gyr[i:j] - bias,
             before / np.linalg.norm(before),
             after / np.linalg.norm(after),
             (i, j),
+            float(np.hypot(DRIFT_SD, np.linalg.norm(unlike))),
         )
 
 
-def _still(gyr: Array, acc: Array, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Cells (n,) that lie in a rest of REST cells; a sensor that trembles rests where it is on average."""
+def _still(gyr: Array, acc: Array, valid: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], Array]:
+    """Cells (n,) that lie in a rest of REST cells, and the rate (3,) that is usual there; a sensor that trembles rests where it is on average."""
     whole = np.convolve(valid, np.ones(REST), "valid") > REST - 0.5
     rate, rate_sd = _moments(_smooth(gyr))
     force, force_sd = _moments(_smooth(acc))
     quiet = whole & (rate_sd < STILL).all(axis=1) & (force_sd < STEADY).all(axis=1)
     quiet &= np.abs(np.linalg.norm(force, axis=1) - GRAVITY) < SIZE
     if not quiet.any():
-        return np.zeros(len(gyr), bool)
+        return np.zeros(len(gyr), bool), np.zeros(3)
     bias = np.median(rate[quiet], axis=0)
     swing = _moments(np.cumsum(CELL * (gyr - bias), axis=0))[1]
     quiet &= (np.abs(rate - bias) < STILL).all(axis=1) & (swing < SWING).all(axis=1)
     out = np.zeros(len(gyr) + 1)
     np.add.at(out, np.flatnonzero(quiet), 1)
     np.add.at(out, np.flatnonzero(quiet) + REST, -1)
-    return np.asarray(np.cumsum(out)[:-1] > 0.5)
+    return np.asarray(np.cumsum(out)[:-1] > 0.5), bias
 
 
 def _smooth(x: Array) -> Array:

@@ -4,7 +4,7 @@ that its gyroscope sees in a sample or two, which no segment makes.
 In      a block of an inertial stream
 Out     which sensor, by what turn, when, and how probable such a step is without one; readings of a gyroscope that stand alone
 Source  one rotation explains the step of both triads; peaks over a threshold have exponential tails (Pickands 1975, Ann Stat 3:119): tail of the recording's own steps
-Limits  a turn about the vertical moves no gravity and is left alone; a turn that takes longer than a sample is seen by the gyroscope: neighbours/slips.py, finger_ekf/mounting_change.py
+Limits  streams slower than LEAST_RATE are not asked; a turn about the vertical moves no gravity and is left alone; a turn that takes longer than a sample is seen by the gyroscope: neighbours/slips.py, finger_ekf/mounting_change.py
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,6 +25,7 @@ from handscope.estimators.numerics.tail_probabilities import normal_sf
 from handscope.estimators.numerics.typing import Array
 
 LEAST, MOST = np.radians([6.0, 60.0])  # smaller turns are those of skin, larger ones no slip
+LEAST_RATE = 25.0  # Hz: four samples on either side of a step
 SPACING = 0.1  # s between peaks
 LEAVE, TAIL = 4, 40  # largest peaks that may be slips, and peaks that show the tail
 SLOPE = (
@@ -43,9 +44,9 @@ ACROSS = 0.2  # sine of the least angle between a turn's axis and the force: a k
 COURSE_SD, ARM_SD = 0.2, 0.05
 # of which a turn may leave one at most: a share of a lasting step, standard deviations
 MENDED, CLEAR = 0.5, 3.0
-# where gravity tells nothing: probability of the step alone (keys that are struck hard reach 1e-8), and variances, the largest share of it, that no rotation explains
-ALONE, EXACT_REST, EXACT = 1e-12, 12.0, 0.003
-OF_STEP = 0.1  # largest share of a step that no rotation explains
+ALONE = 1e-12  # probability of the step from which on gravity need not tell: keys that are struck hard reach 1e-8
+# of what no rotation explains of a step, of which a joint that is stopped leaves more: variances, and shares of the step
+EXACT_REST, EXACT, OF_STEP = 12.0, 0.003, 0.1
 SEVERAL = 3  # sensors that step at once: rows are lost, no sensor slipped
 AT_ONCE = 0.1  # s
 # by samples that a turn takes which its gyroscope sees: s between samples at most; at lower rates a flick of 0.05 s looks so
@@ -168,6 +169,8 @@ def _of_sensor(block: Block, column: int) -> Iterator[SuddenTurn]:
         return
     t, values = block.t[rows], np.ascontiguousarray(values[rows])
     usual = float(np.median(np.diff(t)))
+    if usual > 1.0 / LEAST_RATE:
+        return
     explained, rest, turn = explained_steps(t, values)
     size = np.sqrt(explained / (1.0 + rest / EXPECTED_REST))
     gap = np.lib.stride_tricks.sliding_window_view(np.diff(t), ROWS - 1) / usual
@@ -180,7 +183,8 @@ def _of_sensor(block: Block, column: int) -> Iterator[SuddenTurn]:
     slope = max(float((tail - tail[-1])[:-1].mean()), SLOPE)
     for k in peaks[:LEAVE]:
         p_step = float(min(1.0, among * len(tail) * np.exp(-(size[k] - tail[-1]) / slope)))
-        fits = rest[k] < OF_STEP * explained[k] and LEAST < np.linalg.norm(turn[k]) < MOST
+        most = min(OF_STEP * explained[k], EXACT_REST + EXACT * explained[k])
+        fits = rest[k] < most and LEAST < np.linalg.norm(turn[k]) < MOST
         if not fits or p_step > LEAST_SURE:
             continue
         row, places = k + ROWS // 2, np.array([k, *usual_ones]) + ROWS // 2
@@ -197,8 +201,7 @@ def _of_sensor(block: Block, column: int) -> Iterator[SuddenTurn]:
         if np.linalg.norm(expected) < ACROSS * np.linalg.norm(turn[k]) * np.linalg.norm(force):
             continue
         p_gravity = _p_without(lasting, mended[0], expected)
-        is_exact = p_step < ALONE and rest[k] < EXACT_REST + EXACT * explained[k]
-        if p_gravity is None or (p_gravity == 1.0 and not is_exact):
+        if p_gravity is None or (p_gravity == 1.0 and p_step > ALONE):
             continue
         p = _of_both(p_step, p_gravity)
         if p < FALSE_ALARMS:

@@ -12,20 +12,22 @@ import pytest
 
 from handscope.app.live.readouts.hand_trail import AT_ONCE, REACH
 from handscope.app.live.readouts.hand_trail import PARAMS as LOOKS
-from handscope.app.live.tracking import QUEUE, Tracking
+from handscope.app.live.tracking import QUEUE, Tracking, segment_flags
 from handscope.app.workers.turns import Turns
 from handscope.estimators.alignment import initial_pose
 from handscope.estimators.alignment.functional_movements import STEPS
 from handscope.estimators.data import trajectory
+from handscope.estimators.data.findings import Finding
 from handscope.estimators.data.held_contact import held_contacts
 from handscope.estimators.data.samples import Block, Event, join_consecutive
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand.anatomy import SEGMENT
+from handscope.estimators.hand.anatomy import CHAINS, SEGMENT, SEGMENTS
 from handscope.estimators.methods import ekf, m2
 from handscope.estimators.orientation import zupt_navigation
 from handscope.estimators.pipeline import process as pipeline_process
 from handscope.estimators.pipeline.method import Method
+from handscope.estimators.pipeline.recording_calibration import calibrate
 from handscope.estimators.simulation import experiments
 from handscope.estimators.simulation.experiments import Experiment, PersonErrors
 from handscope.estimators.simulation.movements import (
@@ -383,6 +385,15 @@ def test_a_sensor_found_at_fault_flags_its_rows_live_from_the_calibration_on() -
         shown = tracking.past(pose.end + 1.0)
     faulty = (shown.flags & Flag.FAULTY) != 0
     assert faulty[:, SEGMENT["ring_middle"]].all() and faulty.sum() == len(shown)
+
+
+def test_live_a_faulty_sensors_finger_is_doubtful_where_the_filter_couples_its_sensors() -> None:
+    calibration = calibrate(PARAMS, in_strips("left"))[0][0]
+    finding = Finding("ring_middle", "turned", "", "", "fault")
+    for method, coupled in ((m2, set()), (ekf, {*CHAINS["ring"]})):
+        flags = segment_flags(calibration, [finding], method.CAPABILITIES)
+        assert {s for s in SEGMENTS if flags[SEGMENT[s]] & Flag.DOUBTFUL} == coupled
+        assert [s for s in SEGMENTS if flags[SEGMENT[s]] & Flag.FAULTY] == ["ring_middle"]
 
 
 def test_what_was_recorded_before_a_second_pose_is_still_processed_with_the_first() -> None:

@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from handscope.estimators.data.samples import ACC
+from handscope.estimators.data.samples import ACC, GYR, Block, Stream
 from handscope.estimators.fault_detection.neighbours import common_joint, joint_windows
 from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
 from handscope.estimators.hand.geometry import sized
@@ -61,3 +62,63 @@ def test_what_a_joint_leaves_hardly_grows_with_a_large_bias_of_either_accelerome
     for sensor in joint:
         biased = pairs({sensor: np.array([0.5, -0.3, 0.2])}).joint(*joint)
         assert biased.rest.mean() < 2 * plain.rest.mean()
+
+
+def keystrokes(lost: bool) -> list[Block]:
+    """A middle phalanx that strikes twice a second on a proximal one that rocks; a radio loses four samples of every other stroke."""
+    t = np.arange(0.0, 20.0, 0.01)
+    after = np.mod(t, 0.5) - 0.25  # s, from the middle of a stroke
+    angle = np.radians(40.0) * np.exp(-0.5 * (after / 0.025) ** 2)
+    rock = np.radians(20.0) * np.sin(2 * np.pi * 0.7 * t)
+    values = np.zeros((len(t), 2, 6))
+    for k, turned in enumerate((rock, rock + angle)):
+        rate = np.gradient(turned, t, edge_order=2)
+        x, y = (0.0, 0.02) if k == 0 else (0.0, -0.012)  # m, of the joint from the sensor
+        change = np.gradient(rate, t, edge_order=2)
+        values[:, k, 2] = rate
+        # specific force of the joint, less what the arm from the sensor to it adds
+        values[:, k, 3] = 9.81 * np.cos(turned) - (-change * y - rate**2 * x)
+        values[:, k, 4] = -9.81 * np.sin(turned) - (change * x - rate**2 * y)
+    if lost:
+        gone = (np.abs(np.mod(t, 1.0) - 0.27) < 0.018) & (t > 1.0)
+        values[gone] = np.nan
+    stream = Stream("imu", ("index_proximal", "index_middle"), (GYR, ACC), 100.0)
+    return [Block(stream, t, values)]
+
+
+def test_samples_that_are_lost_within_a_stroke_are_no_misfit() -> None:
+    left = {}
+    for lost in (False, True):
+        series = joint_windows.common_series(keystrokes(lost), {})
+        assert series is not None
+        p = Pairs(series, sized("left"), dict.fromkeys(series.sensors, quat.IDENTITY))
+        joint, use = p.joint("index_proximal", "index_middle"), p.use(*p.joints[0])
+        assert np.count_nonzero(use) > 10
+        left[lost] = float(np.median((joint.rest / joint.noise)[use]))
+    assert left[True] < max(2 * left[False], 0.1)
+
+
+def test_of_a_window_the_longest_piece_without_a_gap_counts() -> None:
+    whole = np.ones((3, 25), bool)
+    whole[1, [6, 20]] = False  # leaves instants 7 to 19
+    whole[2, [4, 9, 14, 19]] = False  # four at most in a row
+    weight = joint_windows.longest_pieces(whole)
+    np.testing.assert_array_equal(weight[0], 1.0)
+    np.testing.assert_array_equal(np.flatnonzero(weight[1]), np.arange(7, 20))
+    assert (weight[1] ** 2).mean() == pytest.approx(1.0)
+    assert not weight[2].any()
+
+
+def test_what_is_between_samples_counts_as_noise_where_they_are_few() -> None:
+    (block,) = keystrokes(lost=False)
+    doubt = {}
+    for step in (1, 2):
+        sampled = replace(block, t=block.t[::step], values=block.values[::step])
+        series = joint_windows.common_series([sampled], {})
+        assert series is not None
+        p = Pairs(series, sized("left"), dict.fromkeys(series.sensors, quat.IDENTITY))
+        couple = p.couple("index_proximal", "index_middle")
+        doubt[step] = float(np.median(couple.doubt))
+        assert couple.noise.min() > (common_joint.ARM * couple.doubt.min()) ** 2
+    assert doubt[1] < 0.01 * float(np.median(couple.turning))
+    assert doubt[2] > 8 * doubt[1]  # errors go by the cube of the interval

@@ -1,5 +1,6 @@
 """Sensors against each other: each fault is named with its sensors, an intact recording is not."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,12 +9,12 @@ import pytest
 from handscope.estimators.data.samples import ACC, GYR, Block, Stream
 from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.neighbours import check_neighbours as neighbours
-from handscope.estimators.hand.anatomy import CHAINS, Hand
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, Hand
 from handscope.estimators.hand.geometry import HandGeometry, sized
 from handscope.estimators.recording_checks.check import suspicions_of
 from handscope.estimators.simulation.scenario import Simulated, simulate
 from handscope.estimators.simulation.sensors import SensorErrors
-from handscope.validation.studies import crosschecks
+from handscope.validation.studies import crosschecks, silent_faults
 from tests.estimators.fault_detection.joint_recordings import (
     amplified,
     delayed,
@@ -146,6 +147,31 @@ def test_exchanged_fingers_are_found_in_a_hand_that_the_forearm_turns_while_they
     assert [s.message.code for s in found] == ["fingers.exchanged"]
 
 
+@pytest.mark.parametrize(
+    ("order", "moved"),
+    [
+        (("middle", "ring", "little", "index"), "index, middle, ring, little"),  # one further, each
+        (("little", "ring", "middle", "index"), "index, middle, ring, little"),
+        (("middle", "ring", "index", "little"), "index, middle, ring"),
+    ],
+)
+def test_several_strips_on_other_fingers_are_all_named(order: Sequence[str], moved: str) -> None:
+    made, _ = silent_faults.recorded("free", 9002)
+    on = list(FINGERS[1:])
+    for k, finger in enumerate(FINGERS[1:]):
+        if (other := on.index(order[k])) != k:
+            swapped = list(zip(CHAINS[finger], CHAINS[FINGERS[1:][other]]))
+            made = crosschecks.exchange(swapped, made)
+            on[k], on[other] = on[other], on[k]
+    (found,) = suspicions_of(made.declared())
+    assert (found.message.code, found.message.values["fingers"]) == (
+        "fingers.several_exchanged",
+        moved,
+    )
+    assert found.correction is None
+    assert {s.partition("_")[0] for s in found.sensors} == set(moved.split(", "))
+
+
 def test_a_slipped_sensor_is_named_with_its_turn_and_time() -> None:
     (found,) = told(slipped(freely_moved(), "middle_middle", 17.0, 12.3))
     assert (found.message.code, found.sensors) == ("sensor.slipped", ("middle_middle",))
@@ -164,6 +190,21 @@ def test_a_sensor_that_its_gyroscope_saw_turn_on_its_segment_is_named(
     assert found.message.values["angle_deg"] == pytest.approx(degrees, rel=0.5)
     assert found.spans[0][0] == pytest.approx(12.3, abs=0.1)
     assert found.correction is None  # later readings are right in a frame that turned with them
+
+
+@pytest.mark.parametrize(
+    ("movement", "sensor"), [("opposing", "index_middle"), ("slow fist", "index_distal")]
+)
+def test_a_turn_that_a_gyroscope_saw_is_named_in_the_simulator_that_is_not_ours(
+    movement: str, sensor: str
+) -> None:
+    made, _ = silent_faults.recorded(movement, 9002)
+    assert suspicions_of(made.declared()) == []
+    spoilt = crosschecks.slip(made, 17.0, sensor, 14.0, 0.2)
+    (found,) = suspicions_of(spoilt.declared())
+    assert (found.message.code, found.sensors) == ("sensor.slipped", (sensor,))
+    assert found.message.values["angle_deg"] == pytest.approx(17.0, abs=2.0)
+    assert found.spans[0][0] == pytest.approx(14.0, abs=0.05)
 
 
 def test_gaps_of_a_sensor_are_no_disagreement() -> None:

@@ -89,3 +89,17 @@ def test_a_long_way_without_a_rest_tells_nothing_of_a_gain() -> None:
     shaken[:, 2, :3] += swing[:, None] * np.array([0.0, 0.0, 1.0])
     turns = find(cells_of([Block(block.stream, block.t, shaken)]), np.arange(4) == 2)
     assert all(t.p_value > FALSE_ALARMS for t in turns)
+
+
+def test_a_sensor_that_creeps_while_it_seems_to_rest_is_right() -> None:
+    rng, t = np.random.default_rng(4), np.arange(3000) / 100.0
+    creeps, moves = (t > 12.0) & (t < 24.0), (t > 14.0) & (t < 22.0)
+    turns = np.where(moves, np.radians(30.0) * np.sin(0.5 * np.pi * (t - 14.0)), 0.0)
+    rate = np.where(creeps & ~moves, np.radians(3.7), turns)
+    q = quat.exp(np.cumsum(rate)[:, None] / 100.0 * AXIS)
+    acc = quat.rotate(quat.conjugate(q), np.array([0.0, GRAVITY, 0.0]))[:, None]
+    gyr = (rate[:, None] * AXIS)[:, None] + 0.001 * rng.normal(size=(len(t), 1, 3))
+    values = np.concatenate([gyr, acc + 0.01 * rng.normal(size=acc.shape)], axis=2)
+    cells = cells_of([Block(Stream("imu", ("hand",), (GYR, ACC), 100.0), t, values)])
+    (turn,) = find(cells, np.ones(1, bool))
+    assert turn.p_value > 0.01

@@ -110,6 +110,13 @@ def test_a_knock_is_no_turn() -> None:
     assert sudden_turns(blocks) == []
 
 
+def test_a_stream_of_10_hz_is_asked_nothing() -> None:
+    rng, t = np.random.default_rng(1), 0.1 * np.arange(300)
+    values = 0.01 * rng.normal(size=(300, 1, 6)) + [0.3, 0.2, 0.1, 9.81, 0.0, 0.0]
+    still = (Block(Stream("imu", ("ring_middle",), (GYR, ACC), 10.0), t, values),)
+    assert sudden_turns(_turned(still, "ring_middle", np.array([3.0, -14.0, 9.0]))) == []
+
+
 def test_rows_that_are_lost_turn_no_sensor() -> None:
     blocks = [
         replace(b, values=b.values[rows := (b.t < AT) | (b.t >= AT + 1.0)], t=b.t[: rows.sum()])

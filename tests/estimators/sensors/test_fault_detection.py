@@ -13,7 +13,7 @@ from handscope.estimators.data.samples import ACC, GYR, MAG, Block
 from handscope.estimators.data.trajectory import Flag
 from handscope.estimators.hand.anatomy import CHAINS, SEGMENT
 from handscope.estimators.hand.geometry import sized
-from handscope.estimators.methods import b, m2
+from handscope.estimators.methods import b, ekf, m2
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import findings_of, process
@@ -295,6 +295,14 @@ def test_a_faulty_sensors_segment_is_flagged_and_told_and_no_other() -> None:
     assert "ring_middle: faulty sensor in 100.0 % of the samples" in done.warnings
     flagged = ((done.trajectory.flags & Flag.FAULTY) != 0).all(axis=0)
     assert list(np.flatnonzero(flagged)) == [SEGMENT["ring_middle"]]
+
+
+def test_a_faulty_sensors_finger_is_doubtful_where_the_filter_couples_its_sensors() -> None:
+    recording = turned(made("rom_fist"), "ring_middle", quat.about(2, QUARTER))
+    flags = process(ekf, ekf.Params(), recording).trajectory.flags
+    doubtful = ((flags & Flag.DOUBTFUL) != 0).all(axis=0)
+    assert list(np.flatnonzero(doubtful)) == [SEGMENT[s] for s in CHAINS["ring"]]
+    assert ((flags & Flag.FAULTY) != 0).any(axis=0).sum() == 1
 
 
 def test_a_stuck_magnetometer_is_flagged_only_where_it_is_used() -> None:
