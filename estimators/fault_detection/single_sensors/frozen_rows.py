@@ -25,7 +25,7 @@ CHANNELS = 3  # at least: the axes of one sensor
 SMOOTH = 0.1  # of the usual step: less is readings without noise that come to rest
 JUMP, FOLLOWING = 3.0, 5  # times the steps that follow: orientations behind a gap
 ROUNDED = 1e-9  # of the largest reading: less is rounding
-EVERY = 50  # rows, of which one is compared first
+EVERY = 50  # rows, of which one is compared first, and in which readings have noise or not
 MOST_FROZEN = 0.9  # of all rows; what stood still stands beside what moved
 _Spans = tuple[tuple[float, float], ...]
 
@@ -53,7 +53,11 @@ def frozen_stretches(blocks: Sequence[Block]) -> list[Suspicion]:
         together: dict[_Spans, dict[str, float]] = {}  # probability by sensor
         for k, sensor in enumerate(sensors if several else ()):
             alone = _standing_still(block, block.values[:, k], NEAR)
-            if alone is not None and (whole is None or alone[0] != whole[0]):
+            if (
+                alone is not None
+                and (whole is None or alone[0] != whole[0])
+                and _moves_noisily(block.values[:, k])
+            ):
                 together.setdefault(alone[0], {})[sensor] = min(1.0, len(sensors) * alone[1])
         found += [
             _frozen("sensor.frozen", tuple(each), spans, math.prod(each.values()))
@@ -184,6 +188,13 @@ def _is_noisy(values: NDArray[np.float64]) -> bool:
     bends = np.diff(values, 4, axis=0)
     bends = np.where(np.abs(bends) > ROUNDED * np.abs(values).max(initial=0.0), bends, 0.0)
     return bool(np.mean(bends[1:] * bends[:-1] < 0.0) > 0.5) if len(bends) > 1 else False
+
+
+def _moves_noisily(values: NDArray[np.float64]) -> bool:
+    """Whether readings (n, channels) have noise in any EVERY rows in which they do not repeat: a finger without noise that rests reads one value, whatever the others do."""
+    known = values[np.isfinite(values).all(axis=1)]
+    moving = known[1:][~_repeats(known)]
+    return any(_is_noisy(moving[k : k + EVERY]) for k in range(0, len(moving), EVERY))
 
 
 def _is_cut_off(block: Block, values: NDArray[np.float64], run: tuple[int, int]) -> bool:

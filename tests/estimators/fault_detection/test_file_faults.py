@@ -30,6 +30,7 @@ from tests.estimators.fault_detection.recordings import (
     with_readings,
     without_rows,
 )
+from tests.simulated import pose_and_wiggle
 
 
 def codes(blocks):
@@ -77,6 +78,10 @@ def test_readings_that_stand_still_are_told_with_their_span():
     (found,) = check_sensors(frozen(moved_freely(), 8.0, 9.5))
     assert found.message.code == "file.frozen"
     np.testing.assert_allclose(found.spans, [(8.0, 9.49)], atol=0.02)
+
+
+def test_fingers_of_a_recording_without_noise_rest_while_the_thumb_moves() -> None:
+    assert frozen_stretches(list(pose_and_wiggle("left").blocks())) == []
 
 
 @pytest.mark.parametrize("still", [("index_middle",), CHAINS["index"]])
