@@ -167,8 +167,9 @@ def figure(page: Page, name: str) -> str:
 
 def scene_drawn(page: Page) -> Frame:
     """Wait until the hand stands in the 3-D scene; gives the scene's frame."""
-    shown(page.locator("iframe"))
-    frame = page.locator("iframe").element_handle().content_frame()
+    scene = page.locator("iframe[title]")  # another may still fetch ahead
+    shown(scene)
+    frame = scene.element_handle().content_frame()
     assert frame is not None
     frame.wait_for_function("() => window.__viserSceneTree?.getState()['/hand/palm'] !== undefined")
     return frame
@@ -177,7 +178,7 @@ def scene_drawn(page: Page) -> Frame:
 def leave_scene(page: Page) -> None:
     """An empty page takes the place of a scene that was looked at, where no pictures are kept: it costs half as much as all else of a session."""
     if not shots():
-        page.locator("iframe").evaluate(
+        page.locator("iframe[title]").evaluate(
             "(scene) => { scene.srcdoc = '<!doctype html><title>Hand</title>'; }"
         )
 
