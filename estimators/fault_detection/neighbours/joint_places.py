@@ -98,14 +98,12 @@ def exchanged_fingers(seen: Roots, geometry: HandGeometry) -> Verdict | None:
     Verdict or None
         `fingers`, where the knuckles are not as declared, and are as they would be in another order; that which fits best.
     """
-    tests = _order_tests(seen, geometry)
-    p_value = min((t.p_value for t in tests if t.fits > FITS), default=1.0)
+    fitting = [t for t in _order_tests(seen, geometry) if t.fits > FITS]
+    p_value = min((t.p_value for t in fitting), default=1.0)
     if p_value >= FALSE_ALARM:
         return None
-    fitting = [t for t in tests if t.fits > FITS]
     best = min(fitting, key=lambda t: float(np.sum(t.left**2)))
-    others = [_towards(best.left, t.left) for t in fitting if t is not best]
-    is_only = all(float(student_sf(far, freedom)) < FITS for _, far, _, freedom in others)
+    is_only = all(_towards(best.left, t.left)[1] < FITS for t in fitting if t is not best)
     return Verdict("fingers", best.fingers, p_value, is_only)
 
 
@@ -142,24 +140,21 @@ def _order_tests(seen: Roots, geometry: HandGeometry) -> list[_OrderTest]:
     tests = []
     for order, move in zip(orders, moved):
         left = _misfit(of_long, declared[list(order)])
-        p, fits, of_it = (
-            float(student_sf(far, freedom))
-            for *each, freedom in [_towards(own, left)]
-            for far in each
-        )
+        p, fits, of_it = _towards(own, left)
         count = 2 * (two if len(move) == 2 else len(orders) - two)
         names = tuple(fingers[k] for k in move)
         tests.append(_OrderTest(names, left, count * p, fits, count * of_it))
     return tests
 
 
-def _towards(own: Array, other: Array) -> tuple[float, float, float, int]:
-    """How far knuckles lie from one description towards another, how far from the other, and how far that is from the first: in errors, learnt from all other directions; their freedoms."""
+def _towards(own: Array, other: Array) -> Array:
+    """Probabilities (3,) that knuckles lie so far from one description towards another, so far from the other, and where the other has them if the first is true; how large errors are is learnt from all
+    other directions."""
     towards, freedom = own - other, len(own) - FREE
     whole = max(float(np.linalg.norm(towards)), 1e-12)
     off = float(own @ towards) / whole
-    size = float(np.sqrt(max(float(own @ own) - off**2, 1e-12) / freedom))
-    return off / size, (whole - off) / size, whole / size, freedom
+    size = np.sqrt(max(float(own @ own) - off**2, 1e-12) / freedom)
+    return student_sf(np.array([off, whole - off, whole]) / size, freedom)
 
 
 def _covariance(joints: Sequence[Joint]) -> Array:

@@ -31,11 +31,11 @@ LENGTH = 1.0  # s, of a window
 MOST_WINDOWS = 60  # of a recording, those with most movement: what longer ones cost
 AVERAGED = 4  # samples of the common time base that make one of a window's: 25 Hz
 INSTANTS = round(LENGTH * RATE) // AVERAGED  # of a window
-LONGEST_GAP = (
-    0.021  # s, or a usual interval and a half: no spline knows what a finger does meanwhile
-)
-MOST_MISSING = 0.3  # of a second of rest
-BY_HALF = 0.15  # of what every second sample would have derivatives otherwise, that all may: smooth movement an eighth, a kink more
+# s, or a usual interval and a half: no spline knows what a finger does meanwhile
+LONGEST_GAP = 0.021
+MOST_MISSING = 0.3  # of a second of which no piece, but the whole is asked
+# share of what derivatives by every second sample are off, that those by all may be: of smooth movement an eighth, of a kink more
+BY_HALF = 0.15
 LEAST_PIECE = 10  # instants of a window between two gaps
 QUIET = 0.06  # rad/s, largest standard deviation of a rate's axis in a second of rest
 BIAS = 0.2  # rad/s, largest zero-rate level that a second of rest may tell
@@ -73,11 +73,8 @@ class Windows:
     def within(self, first: int, count: int) -> "Windows":
         """A part of each window's instants, in the frames of the whole."""
         part = slice(first, first + count)
-        force, arm, turned, rate, share, weight = (
-            v[:, part]
-            for v in (self.force, self.arm, self.turned, self.rate, self.share, self.weight)
-        )
-        return Windows(self.t, force, arm, turned, rate, self.doubt, share, weight)
+        of_instants = ("force", "arm", "turned", "rate", "share", "weight")
+        return replace(self, **{name: getattr(self, name)[:, part] for name in of_instants})
 
     @cached_property
     def vectors(self) -> Array:

@@ -32,9 +32,8 @@ LONGEST = 500  # cells between two rests: 10 s
 # of gravity in a rest: 50 mg, the offset of a part that is not calibrated, and what a hand that is carried evenly adds
 REST_SD = np.radians(3.0)
 GAIN_SD = 0.03  # of a path: scale and cross-axis errors of a gyroscope that is right
-DRIFT_SD = np.radians(
-    0.5
-)  # rad/s: how much a bias may differ from that of the rests, beyond what these differ from each other and from the others
+# rad/s: how much a bias may differ from that of the rests, beyond what these differ from each other and from the others
+DRIFT_SD = np.radians(0.5)
 MISSES = 3.0  # standard deviations from which on gravity does not arrive
 AWAY = 10  # cells at either end of a rest that are left alone: movements begin slowly
 GAINS = (0.4, 0.5, 0.6, 0.7, 0.8, 1.25, 1.4, 1.6, 2.0, 2.5)
