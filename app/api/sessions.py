@@ -137,20 +137,21 @@ async def upload_recording(
     finally:
         Path(place).unlink(missing_ok=True)
     result = _queue(db, parts, session, method, {})
+    same = _same_recording(db, session)
     again = [
         phrase(
             "store.recording_again",
-            session=f.session_id,
-            started=f"{f.session.started:%Y-%m-%d}",
-            added=f"{f.added:%Y-%m-%d}",
+            session=f["session"],
+            started=f"{f['started']:%Y-%m-%d}",
+            added=f"{f['added']:%Y-%m-%d}",
         )
-        for f in records.same_recordings(db, session)
+        for f in same
     ]
     return {
         "session": session.id,
         "result": result.id,
         "warnings": [language.translate(sentence) for sentence in again],
-        "same_recording": _same_recording(db, session),
+        "same_recording": same,
     }
 
 

@@ -27,7 +27,7 @@ OFFERED: Mapping[str, str] = {  # reasons that pages offer, by the names that th
     "slipped": phrase("correction.reason_slipped"),
     "pain": phrase("correction.reason_pain"),
 }
-WORDED = {words: words for words in OFFERED.values()}
+WORDED = {words: words for words in OFFERED.values()}  # by the same words without their codes
 # a whole trial; its ends; a stretch within it, such as one repetition
 Kind = Literal["exclude", "move", "leave_out"]
 SHORTEST = 0.5  # s that a trial must keep

@@ -1,7 +1,7 @@
 """Parts of the page of a session: notes that are not saved, and where a session stands."""
 
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, Page
 
 from handscope.app.api.methods import list_methods
 from handscope.app.language import languages
@@ -71,14 +71,20 @@ PRINTED = """() => {
 }"""
 
 
-def test_the_printed_page_has_no_controls_whole_plots_and_the_marks_of_its_legend(
-    browser: Browser,
-) -> None:
-    page = browser.new_page(viewport={"width": 760, "height": 1000})
+def styled_page(browser: Browser, width: int, height: int) -> Page:
+    """An empty page of this size that looks as a session's."""
+    page = browser.new_page(viewport={"width": width, "height": height})
     page.route(f"{SITE}/**", serve)
     page.goto(SITE)
     for style in ("style.css", "styles/frame.css", "styles/session.css"):
         page.add_style_tag(url=f"{SITE}/static/{style}")
+    return page
+
+
+def test_the_printed_page_has_no_controls_whole_plots_and_the_marks_of_its_legend(
+    browser: Browser,
+) -> None:
+    page = styled_page(browser, 760, 1000)
     page.add_style_tag(content=".uplot canvas { display: block; width: 100%; height: 100%; }")
     page.emulate_media(media="print")
     assert page.evaluate(PRINTED) == [False, False, True, "exact"]
@@ -86,11 +92,7 @@ def test_the_printed_page_has_no_controls_whole_plots_and_the_marks_of_its_legen
 
 
 def test_a_long_code_without_spaces_stays_within_a_telephone(browser: Browser) -> None:
-    page = browser.new_page(viewport={"width": 390, "height": 844})
-    page.route(f"{SITE}/**", serve)
-    page.goto(SITE)
-    for style in ("style.css", "styles/frame.css", "styles/session.css"):
-        page.add_style_tag(url=f"{SITE}/static/{style}")
+    page = styled_page(browser, 390, 844)
     code = "Ä" * 64
     page.evaluate(
         f"""document.body.innerHTML = `<main><div class="head"><div><p class="trail"><a href="/">{code}</a></p><h1>{code}</h1></div></div>
@@ -146,11 +148,7 @@ BY_FINGER = """(rows) => {
 
 
 def test_on_a_telephone_no_word_of_total_active_motion_is_broken(browser: Browser) -> None:
-    page = browser.new_page(viewport={"width": 390, "height": 844})
-    page.route(f"{SITE}/**", serve)
-    page.goto(SITE)
-    for style in ("style.css", "styles/frame.css", "styles/session.css"):
-        page.add_style_tag(url=f"{SITE}/static/{style}")
+    page = styled_page(browser, 390, 844)
     cells = "<th>{}</th><td>{}</td><td>{}</td><td>gegenüber 260° (Norm)</td>"
     rows = [
         ("Zeigefinger", "237°, abzüglich Streckdefizit: PIP 1°", "100 % ausgezeichnet"),
