@@ -1,6 +1,6 @@
 """Which sensor lowers the figures: the messages about a recording that stand beside the answer where it is not yes, the others being folded.
 
-Rule      a fault of a sensor first, then what is doubtful of one, then which sensors have the flag that a figure's reason names; at most MOST
+Rule      a fault of a sensor first, then what is doubtful of one, of a strip or of which hand it is, then which sensors have the flag that a figure's reason names; at most MOST
 """
 
 from collections.abc import Sequence
@@ -10,6 +10,7 @@ from handscope.estimators.messages.sentence import codes_of, messages_of
 
 MOST = 2
 ABOUT_SENSORS = ("sensor.", "sensors.", "file.", "fault.", "joint.")
+ABOUT_STRIPS = ("fingers.", "hand.other", "hand.mirrored", "geometry.other_hand")
 NAMING = ("sensor", "first", "second", "sensors")  # values of a message that name sensors
 FLAGGED = "processing.segments_flagged"
 ABSENT = "recording.strip_absent"
@@ -56,7 +57,7 @@ def _rank(text: str, reasons: frozenset[str]) -> int | None:
     codes = codes_of(text)
     if severities == {"info"}:
         return None
-    if any(code.startswith(ABOUT_SENSORS) for code in codes):
+    if any(code.startswith((*ABOUT_SENSORS, *ABOUT_STRIPS)) for code in codes):
         return 0 if "fault" in severities else 1
     if (FLAGGED in codes and codes & reasons) or (ABSENT in codes and reasons & GAPS):
         return 2

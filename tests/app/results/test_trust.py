@@ -187,6 +187,22 @@ def test_the_sensors_that_lower_figures_are_named_beside_the_answer(
     assert leading_findings(judge_trust([("tapping", figure())], True), warnings) == []
 
 
+@pytest.mark.parametrize(
+    ("code", "values"),
+    [
+        ("fingers.exchanged", {"first": "index", "second": "ring", "odds": 3e4}),
+        ("fingers.several_exchanged", {"fingers": "index, middle, ring", "odds": 3e4}),
+        ("hand.other", {"odds": 3e4}),
+    ],
+)
+def test_strips_on_other_fingers_and_the_other_hand_are_told_beside_the_answer(
+    code: str, values: dict[str, float | str]
+) -> None:
+    trust = judge_trust([("tapping", figure("poor", phrase("flag.doubtful")))], True)
+    found = phrase(code, **values)
+    assert leading_findings(trust, [found]) == [found]
+
+
 def test_a_faulty_sensor_whose_joints_have_no_figures_is_no_yes() -> None:
     found = judge_trust([("rom_fist", figure())] * 5, True, faulty=["index_middle"])
     told = trust_payload(found, {}, EN)
