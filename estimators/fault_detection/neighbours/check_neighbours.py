@@ -49,6 +49,7 @@ from handscope.estimators.fault_detection.single_sensors.cells import (
     cells_of,
     forward_streams,
 )
+from handscope.estimators.fault_detection.single_sensors.rest_turns import without_bias
 from handscope.estimators.hand.anatomy import Hand, side_sign
 from handscope.estimators.hand.geometry import HandGeometry, root_joint
 from handscope.estimators.numerics import quaternions as quat
@@ -137,7 +138,7 @@ class Compared:
     @property
     def cells(self) -> Cells:
         """Readings of every sensor by itself, of streams whose times run forward; not kept, as they are half of what the recording takes."""
-        return cells_of(forward_streams(whole_streams(self.blocks)))
+        return without_bias(cells_of(forward_streams(whole_streams(self.blocks))))
 
     @cached_property
     def pairs(self) -> Pairs | None:

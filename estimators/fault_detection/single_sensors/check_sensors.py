@@ -54,7 +54,12 @@ from handscope.estimators.fault_detection.single_sensors.lost_rows import lost_r
 from handscope.estimators.fault_detection.single_sensors.magnetometer_check import (
     judge_magnetometers,
 )
-from handscope.estimators.fault_detection.single_sensors.rest_turns import RestTurn, explain, find
+from handscope.estimators.fault_detection.single_sensors.rest_turns import (
+    RestTurn,
+    explain,
+    find,
+    without_bias,
+)
 from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS, odds_of
 from handscope.estimators.fault_detection.single_sensors.sudden_turns import spikes, sudden_turns
 from handscope.estimators.numerics.typing import Array
@@ -103,7 +108,7 @@ def check_sensors(blocks: Sequence[Block], cells: Cells | None = None) -> list[S
     blocks : sequence of Block
         Samples of all streams, in order a stream.
     cells : Cells, optional
-        Of these samples, where other checks share them.
+        Of these samples, without biases, where other checks share them.
 
     Returns
     -------
@@ -113,7 +118,7 @@ def check_sensors(blocks: Sequence[Block], cells: Cells | None = None) -> list[S
     whole = whole_streams(blocks)
     backward = backward_times(whole)
     whole = forward_streams(whole)
-    cells = cells_of(whole) if cells is None else cells
+    cells = without_bias(cells_of(whole)) if cells is None else cells
     frozen = frozen_stretches(whole)
     lost = [s for s in lost_rows(whole) if not _beside(s, frozen)]
     stood = [*frozen, *lost]

@@ -7,7 +7,7 @@ Limits  a movement without rests, or a turn about the vertical, tells nothing; a
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,6 +148,15 @@ def explain(cells: Cells, turn: RestTurn) -> Fault | None:
 def _gains() -> list[Fault]:
     """Gains that may explain what a sign or an order seems to."""
     return [Fault("gyroscope_gain", (("gain", 1 / g),), g * np.eye(3)) for g in GAINS]
+
+
+def without_bias(cells: Cells) -> Cells:
+    """Readings of which each gyroscope's usual rate in its rests is taken away: what is compared with gravity is first order in the rest of the bias."""
+    if len(cells.gyr) < REST:
+        return cells
+    of_each = zip(*(np.swapaxes(v, 0, 1) for v in (cells.gyr, cells.acc, cells.valid)))
+    bias = np.array([_still(*one)[1] for one in of_each]).reshape(-1, 3)
+    return replace(cells, gyr=cells.gyr - bias)
 
 
 def _pairs(cells: Cells, k: int) -> Iterator[_Pair]:

@@ -19,9 +19,9 @@ AXIS = np.array([2.0, 1.0, 0.5]) / np.sqrt(5.25)
 
 
 def bent_once(
-    wrong: Array = RIGHT, sensor: str = "index_middle", tremor: float = 0.0
+    wrong: Array = RIGHT, sensor: str = "index_middle", tremor: float = 0.0, bias: float = 0.014
 ) -> list[Block]:
-    """Ten seconds in which a finger bends once, in two seconds, and rests else; noise and biases of a usual sensor."""
+    """Ten seconds in which a finger bends once, in two seconds, and rests else; noise and biases of a usual sensor, its gyroscope's a standard deviation of `bias` rad/s."""
     rng, t = np.random.default_rng(2), np.arange(1000) / 100.0
     share = np.clip((t - 4.0) / 2.0, 0.0, 1.0)
     angle = (share**3 * (10 - 15 * share + 6 * share**2))[:, None] * BENT
@@ -31,7 +31,7 @@ def bent_once(
     q = quat.multiply(q_start, quat.exp(angle[..., None] * AXIS))
     acc = quat.rotate(quat.conjugate(q), np.array([0.0, 0.0, GRAVITY]))
     rate[:, NAMES.index(sensor)] = rate[:, NAMES.index(sensor)] @ wrong.T
-    rate = rate + 0.014 * rng.normal(size=(len(NAMES), 3)) + 0.001 * rng.normal(size=rate.shape)
+    rate = rate + bias * rng.normal(size=(len(NAMES), 3)) + 0.001 * rng.normal(size=rate.shape)
     acc = acc + 0.1 * rng.normal(size=(len(NAMES), 3)) + 0.01 * rng.normal(size=acc.shape)
     stream = Stream("imu", NAMES, (GYR, ACC), 100.0)
     return [Block(stream, t, np.concatenate([rate, acc], axis=2))]
@@ -43,6 +43,13 @@ def test_a_right_gyroscope_turns_gravity_to_the_next_rest() -> None:
     turns = find(cells, np.ones(4, bool))
     assert len(turns) == 3  # the hand rests all the time
     assert max(t.off for t in turns) < np.radians(3.0)
+
+
+@pytest.mark.parametrize("bias", np.radians([3.0, 6.0]))
+def test_a_gyroscope_that_nobody_calibrated_is_right_and_a_wrong_one_is_found(bias: float) -> None:
+    assert check_sensors(bent_once(bias=bias)) == []
+    (found,) = check_sensors(bent_once(np.diag([-1.0, 1.0, 1.0]), bias=bias))
+    assert found.sensors == ("index_middle",)
 
 
 @pytest.mark.parametrize(
