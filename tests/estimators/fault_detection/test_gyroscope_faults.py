@@ -88,8 +88,8 @@ def test_the_gain_of_one_axis_is_named_where_all_three_turn(axis):
         (moved_freely(), "index_middle", [1.0, 1.0, 1.5], "sensor.gyroscope_gain_somewhere"),
         (
             performed("initial_pose", "pronation_supination"),
-            "hand",
-            [-1.0, -1.0, 1.0],
+            "index_proximal",
+            [-1.0, 1.0, -1.0],
             "sensor.gyroscope_unclear",
         ),
     ],

@@ -78,6 +78,7 @@ class Setup:
     pace: float = 1.3  # Hz, the fastest of what each angle is made of
     skin: float = 1.0  # of TURN and SLIDE
     misaligned: float = 1.0  # of MISALIGNMENT
+    biased: float = 1.0  # of GYR_BIAS
     law: str = "proportion"  # of LAWS
     means: bool = False  # a rate is the mean since the sample before, not that of its instant
     scatter: float = 0.0  # s, standard deviation of a sample's stamp
@@ -266,7 +267,7 @@ def _sensors(setup: Setup) -> Sensors:
         for _ in segments
     ]
     return Sensors(
-        {s: GYR_BIAS * g for s, (g, _, _) in zip(segments, drawn)},
+        {s: setup.biased * GYR_BIAS * g for s, (g, _, _) in zip(segments, drawn)},
         {s: ACC_BIAS * a for s, (_, a, _) in zip(segments, drawn)},
         {s: np.eye(3) + SCALE * m[0] for s, (_, _, m) in zip(segments, drawn)},
         {s: np.eye(3) + SCALE * m[1] for s, (_, _, m) in zip(segments, drawn)},
