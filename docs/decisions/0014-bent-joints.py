@@ -42,8 +42,8 @@ def told(misaligned: float, missed: float, bent: dict[str, float], count: int) -
 
 
 for misaligned, missed in INTACT:
-    print(
-        f"sensors {misaligned:g}, pose {missed:g} deg: {told(misaligned, missed, {}, 500):.1%} of 500"
+    sys.stdout.write(
+        f"sensors {misaligned:g}, pose {missed:g} deg: {told(misaligned, missed, {}, 500):.1%} of 500\n"
     )
 for name, bent in BENT.items():
     sys.stdout.write(f"{name}: {told(4.5, 3.0, bent, 100):.0%} of 100" + "\n")

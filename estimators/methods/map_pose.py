@@ -150,7 +150,8 @@ def condition(
     turns_sd[2] = np.hypot(turns_sd[2], seen.drift / np.sqrt(2))  # of two sensors
     D = (slopes * turns_sd).reshape(len(away), -1)
     noise = D @ D.T + np.diag(np.where(IS_DOF[joints], 0.0, NO_FREEDOM_SD**2).ravel())
-    sd, measured = (v[joints].ravel() for v in bent_joints.pose_angles_sd(params, seen.asked, bent))
+    of_angles, is_known = bent_joints.pose_angles_sd(params, seen.asked, bent)
+    sd, measured = of_angles[joints].ravel(), is_known[joints].ravel()
     k = np.flatnonzero(np.isfinite(away))
     return _average_over_sizes(away[k], H[k], noise[np.ix_(k, k)], sd[k], measured[k], before)
 

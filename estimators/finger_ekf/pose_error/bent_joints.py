@@ -214,4 +214,4 @@ class _Evidence:
         covariance = np.linalg.inv(information)
         mean = (covariance @ by[..., None])[..., 0]
         logs = self.logs - 0.5 * np.linalg.slogdet(information)[1] + 0.5 * (by * mean).sum(axis=1)
-        return mean, covariance, logs
+        return mean, covariance, np.asarray(logs)
