@@ -211,7 +211,7 @@ class _Evidence:
         at = np.array([c for one in sorted(explanation) for c in self.columns[one]], int)
         information = self.products[:, at[:, None], at] + np.eye(len(at))
         by = self.products[:, at, -1]
-        covariance = np.linalg.inv(information)
+        covariance: Array = np.linalg.inv(information).astype(float)
         mean = (covariance @ by[..., None])[..., 0]
         logs = self.logs - 0.5 * np.linalg.slogdet(information)[1] + 0.5 * (by * mean).sum(axis=1)
-        return mean, covariance, np.asarray(logs)
+        return mean, covariance, np.asarray(logs, float)
