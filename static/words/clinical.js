@@ -44,7 +44,7 @@ export function segmentWords(segment) {
   return piece ? t("segment", { part: t(`part.${part}`), piece: t(`piece.${piece}`) }) : t(`part.${part}`);
 }
 
-/** A sentence that names sensors and joints as files do, in the words that people use: "index_distal: …" is "Index finger, end segment: …". */
+/** A sentence that names sensors and joints as files do, in the words that people use: "index_distal" is "Index finger, end segment". */
 export function inWords(sentence) {
   const named = sentence.replace(SEGMENT, segmentWords).replace(JOINT, (joint) => jointInWords(joint));
   const words = unitSigns(named);
