@@ -24,7 +24,7 @@ from babel.lists import format_list
 from babel.numbers import format_decimal
 
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand.anatomy import SEGMENTS
+from handscope.estimators.hand.anatomy import FINGERS, SEGMENTS
 from handscope.estimators.messages import Message, Text, english_texts, fill
 from handscope.estimators.messages.sentence import Sentence
 
@@ -34,6 +34,7 @@ CODE = re.compile(r"[a-z]{2,3}")
 PARTS = ("pages", "words")
 PLURALS = {"zero", "one", "two", "few", "many", "other"}  # of the Unicode CLDR
 SEGMENT = re.compile(rf"\b({'|'.join(sorted(SEGMENTS, key=len, reverse=True))})\b(?!_)")
+JOINT = re.compile(rf"\b({'|'.join(FINGERS)})_(cmc|mcp|pip|dip|ip)\b")
 NUMBER = re.compile(r"(?<![\w.])\d+\.\d+(?![\w./])")
 
 
@@ -141,7 +142,7 @@ class Language:
         )
 
     def translate(self, text: str) -> str:
-        """A text in this language by its codes; words without codes as they are, segments by their names.
+        """A text in this language by its codes; words without codes as they are, segments and joints by their names.
 
         A single word of the program, such as "left", has words by its key.
         """
@@ -168,9 +169,13 @@ class Language:
         )
 
     def _localise(self, text: str) -> str:
-        """Segments by their names, decimal numbers in the locale's form."""
+        """Segments and joints by their names, decimal numbers in the locale's form."""
         named = SEGMENT.sub(
             lambda found: self.segment(found[1]) if "_" in found[1] else found[1], text
+        )
+        named = JOINT.sub(
+            lambda found: f"{self.known(f'finger.{found[1]}', found[1])} {self.joint(found[2])}",
+            named,
         )
         point = self.locale.number_symbols["latn"]["decimal"]
         return (

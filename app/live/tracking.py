@@ -36,6 +36,7 @@ from handscope.estimators.data.held_contact import HeldContact
 from handscope.estimators.data.samples import ORIENTATION, Block, join, join_consecutive
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.fault_detection.finding import Suspicion
+from handscope.estimators.fault_detection.words import sentence
 from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.typing import Array
@@ -56,6 +57,7 @@ from handscope.estimators.pipeline.method import (
 )
 from handscope.estimators.pipeline.mounting_changes import of_change
 from handscope.estimators.pipeline.recording_calibration import with_known
+from handscope.estimators.recording_checks.pose_gravity import bent_joint_questions
 from handscope.estimators.sensors import fault_detection
 
 log = logging.getLogger(__name__)
@@ -273,10 +275,9 @@ class Tracking:
             f for f in mounting_checks.check(window, mounting, still, ()) if f.sensor not in broken
         ]
         self.findings = tuple(findings)
-        return replace(
-            calibration,
-            warnings=tuple(dict.fromkeys((*calibration.warnings, *(f.message for f in findings)))),
-        )
+        warnings = [*calibration.warnings, *(f.message for f in findings)]
+        warnings += [sentence(s.message) for s in bent_joint_questions(calibration)]
+        return replace(calibration, warnings=tuple(dict.fromkeys(warnings)))
 
     def restart(self) -> None:
         """Drop every sample and calibration: new samples are read for other fingers."""

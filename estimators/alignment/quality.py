@@ -7,7 +7,7 @@ Source  grades ours: half the limits at which a pose is refused are good; 15 deg
         what careful mounting gives (5 to 10 deg, Salchow-Hoemmen 2019, 5) half as much again; a
         flexion axis is known by movements to 2 deg (good) or 5 deg (fair) of standard deviation
 Limits  a pose that was not the one asked for is not seen: every angle is off by that, and all
-        joints may be good
+        joints may be good; joints that were bent: finger_ekf/pose_error/bent_joints.py
 """
 
 from collections.abc import Collection

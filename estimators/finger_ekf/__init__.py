@@ -2,7 +2,8 @@
 
 samples, sample_alignment          samples of a chain's four sensors on one time base
 chain_state, kernel_params         state and options as the compiled kernels take them
-sensor_to_segment, pose_inference  joints and their covariance after the initial pose
+sensor_to_segment                  joints and their covariance after the initial pose
+pose_error                         what the pose was missed by, and which joints were bent in it
 preintegration                     propagation of state and covariance: (2.3)-(2.5), (2.17), (2.20)-(2.22)
 measurements                       shared vertical (2.25)-(2.28); joint constraints (2.29)-(2.32)
 magnetic_heading                   heading by the field of hand and fingertip: (2.24)-(2.27)

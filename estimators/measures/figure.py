@@ -15,6 +15,9 @@ GRADES: tuple[Grade, ...] = ("good", "fair", "poor")
 TRUSTED = 0.02  # share of flagged samples up to which a figure counts as good
 USABLE = 0.20  # and up to which as fair
 ONE_PERCENT = 0.01  # a smaller share is said to be less
+WIDE, TOO_WIDE = np.radians(
+    [10.0, 20.0]
+)  # rad, standard deviation of an angle that is not good any more, and that is poor
 WRONG = np.uint8(Flag.FAULTY | Flag.DOUBTFUL)  # never good, however short
 
 
@@ -58,10 +61,14 @@ class Kind:
         part: str = "",
         category: str = "",
     ) -> Figure:
-        """A figure of this kind; what is not measured has no standard deviation, and its grade is poor."""
+        """A figure of this kind; what is not measured has no standard deviation, and its grade is poor. An angle's is no better than its standard deviation."""
         if not np.isfinite(value):
             sd, grade, category = None, "poor", ""
         known = None if sd is None or not np.isfinite(sd) else float(sd)
+        if known is not None and self.unit == "rad" and known > WIDE:
+            of_sd: Grade = "poor" if known > TOO_WIDE else "fair"
+            wide = phrase("measure.wide_sd", sd_deg=np.degrees(known))
+            grade, reason = worse((grade, reason), (of_sd, wide))
         name = f"{part}_{self.what}" if part else self.what
         return Figure(
             name,

@@ -4,7 +4,7 @@ In      a trajectory of `m2`, whose headings come from the pose alone, and its c
 Out     standard deviations of joint angles (n, joints, 3) rad and of tips (n, 5, 3) m, at every sample
 Source  ours. A sensor that the pose fixed leaves the error e = r + (u - u_0) d of its segment's orientation: r is what the pose was missed by, d the sensor's turn about the vertical u_0, which gravity
         does not show, u the vertical now, both in the segment's frame. Sizes are the options of `ekf` with their sources; unknown sizes of misalignment and pose error are averaged
-        over, weighed by gravity in all sensors (finger_ekf/pose_inference.py)
+        over, weighed by gravity in all sensors (finger_ekf/pose_error/pose_inference.py)
 Limits  first order; the movement is not used, so sizes of skin, slips and joints that give are not inferred; a rest does not reduce the variance of headings
 """
 
@@ -16,9 +16,9 @@ import numpy as np
 from handscope.estimators.alignment.initial_pose import PoseParams
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.trajectory import Trajectory
-from handscope.estimators.finger_ekf import pose_inference
 from handscope.estimators.finger_ekf.filter import FilterParams
-from handscope.estimators.finger_ekf.pose_inference import MOUNTINGS, VERTICAL
+from handscope.estimators.finger_ekf.pose_error import bent_joints, pose_inference
+from handscope.estimators.finger_ekf.pose_error.pose_inference import MOUNTINGS, VERTICAL
 from handscope.estimators.hand import forward_kinematics, joint_angles, length_covariance
 from handscope.estimators.hand.anatomy import (
     CHILDREN,
@@ -91,7 +91,8 @@ def _steady(calibration: Calibration) -> tuple[Array, Array, Array]:
 
 def _second_moment(calibration: Calibration) -> Array:
     """Mean squares of the errors of mountings and of the pose's angles, rad^2."""
-    pose_sd = pose_inference.pose_angles_sd(PARAMS, calibration)
+    bent = bent_joints.find(PARAMS, calibration)
+    pose_sd, known = bent_joints.pose_angles_sd(PARAMS, calibration, bent)
     if not pose_inference.can_infer(calibration):
         return pose_inference.prior_covariance(PARAMS, calibration, pose_sd)
     return pose_inference.second_moment(
@@ -99,7 +100,7 @@ def _second_moment(calibration: Calibration) -> Array:
         math.radians(PARAMS.misalignment),
         pose_sd,
         math.radians(PARAMS.angle_sd),
-        ~np.isnan(pose_inference.measured_pose_sd(calibration)),
+        known,
     )
 
 

@@ -27,12 +27,12 @@ from handscope.estimators.data.trajectory import Flag, Trajectory, empty, join
 from handscope.estimators.finger_ekf import filter as finger_ekf_filter
 from handscope.estimators.finger_ekf import (
     output_covariance,
-    pose_inference,
     sample_alignment,
 )
 from handscope.estimators.finger_ekf.filter import FilterParams
 from handscope.estimators.finger_ekf.mounting_change import SENSORS
 from handscope.estimators.finger_ekf.output_covariance import JOINTS_OF
+from handscope.estimators.finger_ekf.pose_error import bent_joints, pose_inference
 from handscope.estimators.finger_ekf.samples import Samples
 from handscope.estimators.finger_ekf.sensor_to_segment import SensorToSegmentPrior
 from handscope.estimators.hand import joint_angles, length_covariance
@@ -181,7 +181,9 @@ def _sensor_to_segment_prior(
 ) -> tuple[Calibration, SensorToSegmentPrior]:
     """The calibration with what gravity tells of pose and mounting, and how well both are known: from a functional calibration, else by the options."""
     calibrated = [SEGMENT[s] for s in calibration.q_BS_sd]
-    pose_sd = pose_inference.pose_angles_sd(params, calibration)
+    bent = bent_joints.find(params, calibration) if params.pose_inference else ()
+    calibration = bent_joints.with_bent(calibration, bent)
+    pose_sd, known = bent_joints.pose_angles_sd(params, calibration, bent)
     covariance = pose_inference.prior_covariance(params, calibration, pose_sd)
     if params.pose_inference and pose_inference.can_infer(calibration):
         calibration, covariance = pose_inference.infer(
@@ -189,7 +191,7 @@ def _sensor_to_segment_prior(
             math.radians(params.misalignment),
             pose_sd,
             math.radians(params.angle_sd),
-            ~np.isnan(pose_inference.measured_pose_sd(calibration)),
+            known,
         )
     mountings = (3 * SENSORS[..., None] + np.arange(3)).reshape(len(SENSORS), 12)
     joints = (3 * JOINTS_OF.astype(int)[..., None] + np.arange(3)).reshape(len(SENSORS), 9)

@@ -2,7 +2,7 @@
 
 In      the recording with its poses, the movement as it was found; of a pose's calibration the angles that were asked for or measured count
 Out     the errors that no movement tells (map_unobserved.py), and their covariance
-Source  ours: a linear Gaussian model of the angles of all joints in the pose, as `ekf` has it of gravity (finger_ekf/pose_inference.py). Joints between sensors that movement tells show
+Source  ours: a linear Gaussian model of the angles of all joints in the pose, as `ekf` has it of gravity (finger_ekf/pose_error/pose_inference.py). Joints between sensors that movement tells show
         how exactly the person took the pose: its size is averaged over (Hoeting et al. 1999) with the same prior
 Limits  first order in the errors; joints are missed each for itself: of a hand that is bent in all MCP joints alike the hand's sensor is believed to sit askew;
         the pose nearest to the stretch of movement counts; headings walk in between (option `heading_walk`)
@@ -20,8 +20,9 @@ from handscope.estimators.data.options import part_of
 from handscope.estimators.data.samples import Block, Recording, Stream
 from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
-from handscope.estimators.finger_ekf import pose_inference
 from handscope.estimators.finger_ekf.measurements import UpdateParams
+from handscope.estimators.finger_ekf.pose_error import bent_joints, pose_inference
+from handscope.estimators.finger_ekf.sensor_to_segment import SensorToSegmentParams
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import CHAINS, IS_DOF, JOINTS, SEGMENT, SEGMENTS
 from handscope.estimators.methods import m2
@@ -128,7 +129,9 @@ def condition(
 ) -> tuple[Array, Array]:
     """Errors (COUNT,) that no movement tells, and their covariance (COUNT, COUNT), of those `before` the pose is looked at."""
     joints = _known_joints(fingers)
-    expected = joint_angles.of_segments(pose_inference.segments_on_hand(seen.asked))[joints]
+    bent = bent_joints.find(SensorToSegmentParams(), seen.asked)
+    taken = bent_joints.with_bent(seen.asked, bent)
+    expected = joint_angles.of_segments(pose_inference.segments_on_hand(taken))[joints]
 
     def missed(errors: Array, q_GS: Array) -> Array:
         return quat.wrapped(
@@ -147,8 +150,8 @@ def condition(
     turns_sd[2] = np.hypot(turns_sd[2], seen.drift / np.sqrt(2))  # of two sensors
     D = (slopes * turns_sd).reshape(len(away), -1)
     noise = D @ D.T + np.diag(np.where(IS_DOF[joints], 0.0, NO_FREEDOM_SD**2).ravel())
-    sd = pose_inference.pose_angles_sd(params, seen.asked)[joints].ravel()
-    measured = ~np.isnan(pose_inference.measured_pose_sd(seen.asked)[joints]).ravel()
+    of_angles, is_known = bent_joints.pose_angles_sd(params, seen.asked, bent)
+    sd, measured = of_angles[joints].ravel(), is_known[joints].ravel()
     k = np.flatnonzero(np.isfinite(away))
     return _average_over_sizes(away[k], H[k], noise[np.ix_(k, k)], sd[k], measured[k], before)
 

@@ -1,8 +1,8 @@
-"""Gravity in the initial pose against a hand that lies palm down: accelerometers that are all negated show there, and nowhere else by themselves.
+"""Gravity in the initial pose against a hand that lies flat, palm down: accelerometers that are all negated show there, and nowhere else by themselves, and joints that were bent.
 
 In      a recording, calibrations from its initial poses
-Out     a question, where most sensors read gravity upside down; of single sensors: alignment/mounting_checks.py
-Limits  a pose that was held palm up looks the same, so that it is asked and flags nothing
+Out     questions: where most sensors read gravity upside down; which joints were bent. Of single sensors: alignment/mounting_checks.py
+Limits  a pose that was held palm up looks like negated accelerometers, so that it is asked and flags nothing
 """
 
 from collections.abc import Sequence
@@ -13,16 +13,39 @@ import numpy as np
 from handscope.estimators.alignment import initial_pose
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.samples import ACC, Recording
-from handscope.estimators.fault_detection.finding import Suspicion
+from handscope.estimators.fault_detection.finding import Message, Suspicion
 from handscope.estimators.fault_detection.single_sensors.accelerometer_check import negated_in_pose
-from handscope.estimators.hand.anatomy import side_sign
+from handscope.estimators.finger_ekf.pose_error import bent_joints
+from handscope.estimators.finger_ekf.sensor_to_segment import SensorToSegmentParams
+from handscope.estimators.hand.anatomy import JOINT, JOINTS, side_sign
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.pipeline.process import whole_of
 from handscope.estimators.pipeline.recording_calibration import initial_poses
 
+LEAST = np.radians(10.0)  # of a bend that is told
+RARE = 2e-3  # so seldom are joints of a pose that is merely missed told as bent (docs/decisions/0014-bent-joints.py)
+
 
 def check_pose(recording: Recording, calibrations: Sequence[Calibration]) -> list[Suspicion]:
-    """Ask whether accelerometers are negated, where most of them read gravity upside down in the first pose."""
+    """Ask whether accelerometers are negated, where most of them read gravity upside down in the first pose, and whether joints that were bent in a pose can be straightened."""
+    poses = [c for c in calibrations if c.source.is_pose]
+    ends = [*(c.t for c in poses[1:]), np.inf]
+    bent = [s for c, end in zip(poses, ends) for s in bent_joint_questions(c, end)]
+    return [*_negated(recording, calibrations), *bent]
+
+
+def bent_joint_questions(pose: Calibration, until: float = np.inf) -> list[Suspicion]:
+    """The question about joints that a pose had bent, if any, which counts until the next one (s)."""
+    bent = [b for b in bent_joints.find(SensorToSegmentParams(), pose) if abs(b.angle) > LEAST]
+    if not bent:
+        return []
+    named = ", ".join(f"{b.joint} {np.degrees(b.angle):.0f}\N{DEGREE SIGN}" for b in bent)
+    sensors = tuple(JOINTS[JOINT[b.joint]].child for b in bent)
+    message = Message("person.bent_in_pose", {"joints": named}, "info")
+    return [Suspicion(message, sensors, ((pose.t, until),), RARE)]
+
+
+def _negated(recording: Recording, calibrations: Sequence[Calibration]) -> list[Suspicion]:
     if not calibrations or not calibrations[0].source.is_pose:
         return []
     span = (calibrations[0].t, calibrations[0].end)

@@ -2,6 +2,7 @@
 import { known, t } from "./words.js";
 
 const SEGMENT = /\b(thumb|index|middle|ring|little)_(metacarpal|proximal|middle|distal)\b/g;
+const JOINT = /\b(thumb|index|middle|ring|little)_(cmc|mcp|pip|dip|ip)\b/g;
 const PLAIN = { aperture: (value) => `${value} mm`, palm_turn: (value) => `${value}°` }; // curves that are no joint's angle
 const ALIASES = { fingertips_force: "force" }; // of a strip; simulated recordings have the short name
 
@@ -14,6 +15,12 @@ export function unitWords(unit) {
 export function jointWords(joint) {
   const [finger, name = ""] = joint.split("_");
   return { finger: t(`finger.${finger}`), joint: known(`joint.${name}`, name.toUpperCase()) };
+}
+
+/** "index_pip" as "Index finger PIP". */
+function jointInWords(name) {
+  const { finger, joint } = jointWords(name);
+  return `${finger} ${joint}`;
 }
 
 /** A strip, or the stream of its samples, by its name in recordings. */
@@ -37,9 +44,10 @@ export function segmentWords(segment) {
   return piece ? t("segment", { part: t(`part.${part}`), piece: t(`piece.${piece}`) }) : t(`part.${part}`);
 }
 
-/** A sentence that names sensors as files do, in the words that people use: "index_distal: …" is "Index finger, end segment: …". */
+/** A sentence that names sensors and joints as files do, in the words that people use: "index_distal" is "Index finger, end segment". */
 export function inWords(sentence) {
-  const words = unitSigns(sentence.replace(SEGMENT, (segment) => segmentWords(segment)));
+  const named = sentence.replace(SEGMENT, segmentWords).replace(JOINT, (joint) => jointInWords(joint));
+  const words = unitSigns(named);
   return words.charAt(0).toUpperCase() + words.slice(1);
 }
 

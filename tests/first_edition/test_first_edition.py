@@ -12,7 +12,7 @@ import pytest
 from starlette.testclient import TestClient
 
 from handscope.estimators.finger_ekf import filter as finger_ekf_filter
-from handscope.estimators.finger_ekf import pose_inference
+from handscope.estimators.finger_ekf.pose_error import pose_inference
 from handscope.estimators.hand import length_covariance
 from tests.app.devices.virtual import virtual_glove
 from tests.first_edition import observed

@@ -9,7 +9,7 @@ import numpy as np
 from vqf import VQF
 
 from handscope.estimators.data.samples import ACC, GYR, Block
-from handscope.estimators.finger_ekf import pose_inference
+from handscope.estimators.finger_ekf.pose_error import pose_inference
 from handscope.estimators.hand.anatomy import SEGMENTS
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.methods import METHODS

@@ -1,5 +1,6 @@
 """What gravity in all sensors tells of a pose that was missed."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from handscope.estimators.alignment.initial_pose import palm_down
 from handscope.estimators.data.calibration import Calibration, CalibrationSource
-from handscope.estimators.finger_ekf import pose_inference
+from handscope.estimators.finger_ekf.pose_error import pose_inference
 from handscope.estimators.hand import forward_kinematics, joint_angles
 from handscope.estimators.hand.anatomy import FLEXION, IS_DOF, JOINT, JOINTS, SEGMENT, SEGMENTS
 from handscope.estimators.hand.geometry import sized
@@ -18,14 +19,20 @@ from tests.simulated import DEG
 
 MOUNTING_SD, GRAVITY_SD = 4.5 * DEG, 0.3 * DEG
 POSE_SD = 2.5 * DEG * IS_DOF
+STRAIGHT: Mapping[str, float] = {}
 FLEXIONS = [j for j in range(len(JOINTS)) if not JOINTS[j].name.startswith("thumb")]
 
 
 def taken(
-    rng: np.random.Generator, mounting_sd: float = MOUNTING_SD, pose_sd: Array = POSE_SD
+    rng: np.random.Generator,
+    mounting_sd: float | Array = MOUNTING_SD,
+    pose_sd: Array = POSE_SD,
+    bent: Mapping[str, float] = STRAIGHT,
 ) -> tuple[Calibration, Array, Array]:
-    """A calibration that takes a missed pose for a straight hand, and the truth: angles (joints, 3), sensor-to-segment rotations (segments, 4)."""
+    """A calibration that takes a missed pose for a straight hand, and the truth: angles (joints, 3), sensor-to-segment rotations (segments, 4). `bent`: flexion (rad) by joint, beside."""
     angles = pose_sd * rng.normal(size=(len(JOINTS), 3))
+    for joint, flexion in bent.items():
+        angles[JOINT[joint], FLEXION] += flexion
     tilt = quat.exp(10 * DEG * rng.normal(size=3))
     q_GH = quat.multiply(palm_down("left"), tilt)
     q_GB = forward_kinematics.segments_on(q_GH, joint_angles.compose(angles))

@@ -9,7 +9,7 @@ from handscope.validation.independent.simulator import free_movement
 from handscope.validation.reproduce import Wanted
 from handscope.validation.studies import silent_faults
 from handscope.validation.studies.crosschecks import Made
-from handscope.validation.studies.silent_faults import FAULTS, Case, Choice, Trial
+from handscope.validation.studies.silent_faults import BENT, FAULTS, Case, Choice, Trial
 
 CHOICE = Choice("ring", 1, 0, 14.0)
 
@@ -54,7 +54,7 @@ def test_samples_after_dropped_rows_are_judged_by_when_they_were_taken(
 
 def test_a_fault_is_silent_where_it_costs_much_and_no_code_is_said() -> None:
     costs = {"m2": 2.0, "ekf": float("nan")}
-    cases = {name: Case((), {"m2": 1.0, "ekf": 1.1}) for name in FAULTS}
+    cases = {name: Case((), {"m2": 1.0, "ekf": 1.1}) for name in (*FAULTS, *BENT)}
     results = [
         (Trial("tapping", 1), {**cases, "gain 1.3": Case((), costs)}),
         (Trial("free", 1), {**cases, "gain 1.3": Case(("sensor.gyroscope_gain",), costs)}),

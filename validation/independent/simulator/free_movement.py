@@ -9,7 +9,7 @@ Limits  no field, no gaps, no knocks; joints are exact; a sensor gives what its 
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -84,6 +84,8 @@ class Setup:
     scatter: float = 0.0  # s, standard deviation of a sample's stamp
     # rad, standard deviation of what every freedom misses an initial pose by; None: no pose
     missed: float | None = None
+    # rad, by joint: flexion that the initial pose has beside, as of a finger that cannot be straightened
+    bent: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def side(self) -> float:
@@ -307,6 +309,8 @@ def after_pose(setup: Setup, missed: float, free: Movement) -> Movement:
     rng, freedoms = _rng(setup, 5), {"thumb": np.array([[1, 1, 1], [1, 0, 0], [1, 0, 0]])}
     other = np.array([[1, 1, 0], [1, 0, 0], [1, 0, 0]])
     held = {f: missed * rng.normal(size=(3, 3)) * freedoms.get(f, other) for f in CHAINS}
+    for f, joints in JOINTS.items():
+        held[f][:, 0] += [setup.bent.get(j, 0.0) for j in joints]
     wrist = missed * rng.normal(size=3) * [1, 1, 0]
     palm_down = np.column_stack([(0, 0, setup.side), (0, setup.side, 0), (-1, 0, 0)])
 

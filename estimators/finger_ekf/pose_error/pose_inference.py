@@ -68,7 +68,7 @@ def misalignment_sd(params: SensorToSegmentParams, calibration: Calibration) -> 
 
 
 @dataclass(frozen=True)
-class _Seen:
+class Seen:
     """Gravity of all sensors in the hand's frame, as the nominal mounting and the pose have it."""
 
     up: Array  # (3,) what most of them agree in
@@ -95,12 +95,12 @@ def infer(
     standard deviation is that of a measurement, and its size is known.
     """
     on_hand = segments_on_hand(calibration)
-    seen = _gravity_seen(calibration, on_hand)
+    seen = gravity_seen(calibration, on_hand)
     known = np.zeros(pose_sd.shape, bool) if measured is None else measured
     arrays = (seen.up, seen.residual, seen.H, pose_sd, known)
     error, P = posterior(*(a.tobytes() for a in arrays), mounting_sd, gravity_sd)
     up = quat.rotate(quat.exp(error[:3]), seen.up)
-    return _posed(calibration, on_hand, up, error[3 + MOUNTINGS :].reshape(-1, 3)), P[3:, 3:]
+    return posed(calibration, on_hand, up, error[3 + MOUNTINGS :].reshape(-1, 3)), P[3:, 3:]
 
 
 @lru_cache(maxsize=4)
@@ -114,7 +114,7 @@ def posterior(
     gravity_sd: float,
 ) -> tuple[Array, Array]:
     """The likeliest errors (3 + SIZE,) and their covariance, kept by the content of the arrays: a recording is processed backwards and forwards from the same pose."""
-    seen = _Seen(np.frombuffer(up), np.frombuffer(residual), np.frombuffer(H).reshape(-1, 3 + SIZE))
+    seen = Seen(np.frombuffer(up), np.frombuffer(residual), np.frombuffer(H).reshape(-1, 3 + SIZE))
     angles_sd = np.frombuffer(pose_sd).reshape(-1, 3)
     known = np.frombuffer(measured, bool).reshape(-1, 3)
     fits = _fits(seen, mounting_sd, angles_sd, gravity_sd, known)
@@ -133,7 +133,7 @@ def second_moment(
     measured: Bools | None = None,
 ) -> Array:
     """Mean square (SIZE, SIZE) rad^2 of the errors of a method that takes the pose as asked for; arguments as of `infer`."""
-    seen = _gravity_seen(calibration, segments_on_hand(calibration))
+    seen = gravity_seen(calibration, segments_on_hand(calibration))
     fits = _fits(seen, mounting_sd, pose_sd, gravity_sd, measured)
     return _mean([(f.weight, f.covariance + np.outer(f.mean, f.mean)) for f in fits])[3:, 3:]
 
@@ -149,13 +149,11 @@ class _Fit:
 
 
 def _fits(
-    seen: _Seen, mounting_sd: float, pose_sd: Array, gravity_sd: float, measured: Bools | None
+    seen: Seen, mounting_sd: float, pose_sd: Array, gravity_sd: float, measured: Bools | None
 ) -> list[_Fit]:
     """For every pair of sizes that is likely enough, and for all with the option's size of the pose."""
-    known = np.zeros(pose_sd.shape, bool) if measured is None else measured
-    scaled = np.concatenate([np.zeros(3 + MOUNTINGS, bool), ~known.ravel()])
-    usual = np.concatenate(
-        [np.full(3, HAND_TILT_SD), np.full(MOUNTINGS, mounting_sd), pose_sd.ravel()]
+    scaled, usual = sizes(
+        mounting_sd, pose_sd, np.zeros(pose_sd.shape, bool) if measured is None else measured
     )
     scales, variances, logs = [*product(SCALES, POSE_SCALES)], [], []
     for scale, pose_scale in scales:
@@ -172,13 +170,20 @@ def _fits(
     ]
 
 
+def sizes(mounting_sd: float, pose_sd: Array, measured: Bools) -> tuple[Bools, Array]:
+    """Of the errors (3 + SIZE,) which scale with how exactly a person takes a pose, and their usual standard deviations, rad."""
+    scaled = np.concatenate([np.zeros(3 + MOUNTINGS, bool), ~measured.ravel()])
+    tilt, mountings = np.full(3, HAND_TILT_SD), np.full(MOUNTINGS, mounting_sd)
+    return scaled, np.concatenate([tilt, mountings, pose_sd.ravel()])
+
+
 def _mean(weighted: Sequence[tuple[float, Array]]) -> Array:
     """Mean of values with their weights."""
     whole = sum(weight for weight, _ in weighted)
     return np.asarray(np.sum([weight / whole * value for weight, value in weighted], axis=0))
 
 
-def _log_likelihood(seen: _Seen, variance: Array, gravity_sd: float) -> float:
+def _log_likelihood(seen: Seen, variance: Array, gravity_sd: float) -> float:
     """Of what the sensors see, the errors averaged over."""
     S = (seen.H * variance) @ seen.H.T + gravity_sd**2 * np.eye(len(seen.H))
     root = np.linalg.cholesky(S)
@@ -186,7 +191,7 @@ def _log_likelihood(seen: _Seen, variance: Array, gravity_sd: float) -> float:
     return float(-np.log(np.diag(root)).sum() - 0.5 * white @ white)
 
 
-def _condition(seen: _Seen, variance: Array, gravity_sd: float) -> tuple[Array, Array]:
+def _condition(seen: Seen, variance: Array, gravity_sd: float) -> tuple[Array, Array]:
     """Mean and covariance of the errors."""
     HP = seen.H * variance
     S = HP @ seen.H.T + gravity_sd**2 * np.eye(len(HP))
@@ -226,7 +231,7 @@ def missed_orientations(on_hand: Array) -> Array:
     return missed
 
 
-def _gravity_seen(calibration: Calibration, on_hand: Array) -> _Seen:
+def gravity_seen(calibration: Calibration, on_hand: Array) -> Seen:
     """A sensor whose mounting errs by m, on a segment that the pose misses by r, sees gravity turned by m - r."""
     missed = missed_orientations(on_hand)
     names = [SEGMENT[s] for s in calibration.q_GS]
@@ -239,7 +244,7 @@ def _gravity_seen(calibration: Calibration, on_hand: Array) -> _Seen:
     for k, s in enumerate(names):
         turned[k, :, 3 + 3 * s : 6 + 3 * s] += quat.matrix(on_hand[s])
     H = np.cross(turned, up, axisa=1, axisc=1)
-    return _Seen(up, (seen - up).ravel(), H.reshape(-1, 3 + SIZE))
+    return Seen(up, (seen - up).ravel(), H.reshape(-1, 3 + SIZE))
 
 
 def _up_on_hand(calibration: Calibration, on_hand: Array, segment: str) -> Array:
@@ -249,7 +254,7 @@ def _up_on_hand(calibration: Calibration, on_hand: Array, segment: str) -> Array
     return np.asarray(quat.rotate(q_HS, up))
 
 
-def _posed(calibration: Calibration, on_hand: Array, up: Array, angles: Array) -> Calibration:
+def posed(calibration: Calibration, on_hand: Array, up: Array, angles: Array) -> Calibration:
     """The pose with its joints turned on by `angles` (joints, 3), upwards in the hand's frame being `up`."""
     q_pc = joint_angles.compose(joint_angles.of_segments(on_hand) + angles)
     on = forward_kinematics.segments_on(quat.IDENTITY, q_pc)
