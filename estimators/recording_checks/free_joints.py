@@ -3,7 +3,7 @@
 In      a recording, and calibrations from its initial poses
 Out     suspicions: which joint, how far beyond, when; two sensors of the finger that are exchanged where that alone explains it
 Source  limits: hand/anatomy.py; orientations: methods/m2.py without constraints, its headings kept by the pose
-Limits  what stays within the limits is not seen; people whose joints go farther are asked, too. A sensor that was turned in the pose: alignment/mounting_checks.py
+Limits  joints that a pose had bent, as gravity shows them, are taken as bent. What stays within the limits is not seen; people whose joints go farther are asked, too. A sensor that was turned in the pose: alignment/mounting_checks.py
 """
 
 import itertools
@@ -20,6 +20,8 @@ from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.errors import InputError
 from handscope.estimators.fault_detection.finding import Message, Suspicion
 from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS
+from handscope.estimators.finger_ekf.pose_error import bent_joints
+from handscope.estimators.finger_ekf.sensor_to_segment import SensorToSegmentParams
 from handscope.estimators.hand import joint_angles
 from handscope.estimators.hand.anatomy import (
     ANGLES,
@@ -78,7 +80,9 @@ def check_joints(recording: Recording, calibrations: Sequence[Calibration]) -> l
     if not calibrations or not all(c.source.is_pose for c in calibrations):
         return []
     recording = with_orientations(True, recording)
-    free = move_freely(recording, calibrations)
+    params = SensorToSegmentParams()
+    bent = [bent_joints.with_bent(c, bent_joints.find(params, c)) for c in calibrations]
+    free = move_freely(recording, bent)
     angles = joint_angles.of_segments(free.q_GS)
     found, by_finger = [], dict[str, list[Excess]]()
     for excess in excesses(free, angles):

@@ -25,6 +25,9 @@ def test_fingers_that_cannot_be_straightened_are_asked_about_and_taken_as_bent()
         (said,) = (s for s in made.suspicions if s.message.code == "person.bent_in_pose")
         assert {"ring_middle", "little_middle"} <= {*said.sensors}
         assert "person.bent_in_pose" in {c for w in made.warnings for c in codes_of(w)}
+        assert {s.message.severity for s in made.suspicions} == {
+            "info"
+        }  # no joint beyond its limits
         moved = made.trajectory
         rows = np.clip(np.searchsorted(true.t, moved.t - 1e-6), 0, len(true.t) - 1)
         after = moved.t > BEGUN
