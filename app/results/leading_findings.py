@@ -1,4 +1,4 @@
-"""Which sensor lowers the figures: the messages about a recording that stand beside the answer where it is not yes, the others being folded.
+"""Which sensor lowers the figures: the messages about a recording that stand beside the answer where it is not yes, and questions that only a person can answer; the others are folded.
 
 Rule      a fault of a sensor first, then what is doubtful of one, of a strip or of which hand it is, then which sensors have the flag that a figure's reason names; at most MOST
 """
@@ -11,6 +11,7 @@ from handscope.estimators.messages.sentence import codes_of, messages_of
 MOST = 2
 ABOUT_SENSORS = ("sensor.", "sensors.", "file.", "fault.", "joint.")
 ABOUT_STRIPS = ("fingers.", "hand.other", "hand.mirrored", "geometry.other_hand")
+ASKED = frozenset({"person.bent_in_pose"})  # what every angle of the finger rests on
 NAMING = ("sensor", "first", "second", "sensors")  # values of a message that name sensors
 FLAGGED = "processing.segments_flagged"
 ABSENT = "recording.strip_absent"
@@ -18,9 +19,9 @@ GAPS = frozenset({"flag.missing", "flag.lost"})  # what an absent strip leaves
 
 
 def leading_findings(trust: Trust, warnings: Sequence[str]) -> list[str]:
-    """Of the recording's messages, as they are stored, those that a reader needs first; none where the answer is yes."""
+    """Of the recording's messages, as they are stored, those that a reader needs first; questions alone where the answer is yes."""
     if trust.answer == "yes":
-        return []
+        return [text for text in warnings if codes_of(text) & ASKED][:MOST]
     reasons = frozenset().union(*(codes_of(doubt.reason) for doubt in trust.doubts))
     ranked = ((_rank(text, reasons), text) for text in warnings)
     known = [(rank, text) for rank, text in ranked if rank is not None]
@@ -56,7 +57,7 @@ def _rank(text: str, reasons: frozenset[str]) -> int | None:
     severities = {message.severity for message in messages_of(text)}
     codes = codes_of(text)
     if severities == {"info"}:
-        return None
+        return 1 if codes & ASKED else None
     if any(code.startswith((*ABOUT_SENSORS, *ABOUT_STRIPS)) for code in codes):
         return 0 if "fault" in severities else 1
     if (FLAGGED in codes and codes & reasons) or (ABSENT in codes and reasons & GAPS):

@@ -203,6 +203,16 @@ def test_strips_on_other_fingers_and_the_other_hand_are_told_beside_the_answer(
     assert leading_findings(trust, [found]) == [found]
 
 
+def test_joints_that_were_bent_in_the_pose_are_asked_about_whatever_the_answer() -> None:
+    asked = Sentence(Message("person.bent_in_pose", {"joints": "ring_pip 31°"}, "info"))
+    bone = {"segment": "ring_proximal", "seen_mm": 52.0, "declared_mm": 40.0}
+    other = Sentence(Message("person.bone_length", bone, "info"))
+    good = judge_trust([("rom_fist", figure())], True)
+    doubtful = judge_trust([("rom_fist", figure("poor", LIMIT))], True)
+    assert leading_findings(good, [other, asked]) == [asked]
+    assert leading_findings(doubtful, [other, asked, NEGATED]) == [NEGATED, asked]
+
+
 def test_a_faulty_sensor_whose_joints_have_no_figures_is_no_yes() -> None:
     found = judge_trust([("rom_fist", figure())] * 5, True, faulty=["index_middle"])
     told = trust_payload(found, {}, EN)
