@@ -3,7 +3,8 @@
 In      a block of an inertial stream of three sensors or more
 Out     when rows were dropped, about how many seconds, and how probable such a jump is without a loss
 Source  peaks over a threshold have exponential tails (Pickands 1975, Ann Stat 3:119): tail of the recording's own steps; use ours
-Limits  streams slower than LEAST_RATE are not asked; what is lost while the hand rests is not seen, and costs nothing. A knock that all sensors feel comes back to where it began; a loss does not
+Limits  streams slower than LEAST_RATE are not asked; what is lost while the hand rests is not seen, and costs nothing. A knock that all sensors feel comes back to where it began; a loss does not.
+        A joint at its end stops the hand in several samples, a loss steps between two
 """
 
 from collections.abc import Sequence
@@ -35,6 +36,8 @@ TURNED = 0.9  # share of all instants at which gravity's change has to be smalle
 LEAST_TURN = np.radians(3.0)  # of gravity in the sensors: a loss that costs less is left alone
 FARTHER = 1.5  # times what SENSORS sensors do anywhere else, that they have to at a loss where the others rest
 LONGEST = 10.0  # s
+# times the largest step of a gyroscope beside it, up to so many rows away, that a quarter of the sensors have to step at a loss; a stop at a joint's end reaches 1.2
+SHARP, NEXT = 1.5, 3
 
 
 @dataclass(frozen=True)
@@ -100,7 +103,7 @@ def losses_of(block: Block) -> list[Loss]:
     found = []
     for k in peaks[:LEAVE]:
         p = float(min(1.0, len(tail) * np.exp(-(jump[k] - begin) / slope)))
-        if p < FALSE_ALARMS:
+        if p < FALSE_ALARMS and _is_sharp(block, int(k)):
             turns, usual = _gravity_turns(block, int(k))
             if turns is not None and _is_elsewhere(turns, usual):
                 found.append(Loss(float(block.t[k]), turns.seconds, p))
@@ -135,6 +138,16 @@ def _is_elsewhere(turns: _Turns, usual: Sequence[_Turns]) -> bool:
     most = max(LEAST_TURN, float(np.quantile([u.median for u in usual], TURNED)))
     few = max(LEAST_TURN, FARTHER * max(u.few for u in usual))
     return bool(turns.median > most or turns.few > few)
+
+
+def _is_sharp(block: Block, row: int) -> bool:
+    """Whether rates step between two samples near a row, rather than in the course of several."""
+    rates = block.of(GYR)[max(row - NEXT - 2, 0) : row + NEXT + 4]
+    steps = np.nan_to_num(np.linalg.norm(np.diff(rates, axis=0), axis=-1))
+    windows = np.lib.stride_tricks.sliding_window_view(steps, 2 * NEXT + 1, axis=0)
+    beside = np.delete(windows, NEXT, axis=-1).max(axis=-1)
+    sharp = windows[..., NEXT] / np.maximum(beside, 1e-9)
+    return bool(np.any(np.quantile(sharp, 0.75, axis=1) > SHARP))
 
 
 def _gravity_turns(block: Block, row: int) -> tuple[_Turns | None, list[_Turns]]:

@@ -155,6 +155,16 @@ def test_dropped_rows_are_found_where_they_were():
     assert abs(found.spans[0][0] - 8.0) < 0.03
 
 
+def test_a_stop_that_takes_several_samples_is_no_loss():
+    """As a wrist makes it at the end of its range: rates and accelerations go within 40 ms to where they are behind."""
+    (block,) = without_rows(moved_freely(), 8.0, 9.5)
+    row = int(np.searchsorted(block.t, 8.0))
+    values, share = block.values.copy(), np.linspace(0.0, 1.0, 5)[:, None, None]
+    values[row - 2 : row + 3] = (1 - share) * values[row - 2] + share * values[row + 2]
+    assert lost_rows([block]) != []
+    assert lost_rows([replace(block, values=values)]) == []
+
+
 def with_two_fingers_that_move():
     """Of a hand that moves freely thumb and index finger; the other sensors sway a little."""
     (block,) = moved_freely()
