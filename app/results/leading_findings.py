@@ -10,7 +10,13 @@ from handscope.estimators.messages.sentence import codes_of, messages_of
 
 MOST = 2
 ABOUT_SENSORS = ("sensor.", "sensors.", "file.", "fault.", "joint.")
-ABOUT_STRIPS = ("fingers.", "hand.other", "hand.mirrored", "geometry.other_hand")
+ABOUT_STRIPS = (
+    "fingers.",
+    "hand.other",
+    "hand.mirrored",
+    "hand.other_thumb",
+    "geometry.other_hand",
+)
 ASKED = frozenset({"person.bent_in_pose"})  # what every angle of the finger rests on
 NAMING = ("sensor", "first", "second", "sensors")  # values of a message that name sensors
 FLAGGED = "processing.segments_flagged"

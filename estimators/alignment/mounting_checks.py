@@ -17,7 +17,7 @@ Limits  turned: with the palm level gravity does not show a turn about the verti
 import itertools
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
 import numpy as np
@@ -88,6 +88,23 @@ def check(
         for f in [_check_turn(n, w, worn, up)]
         if f is not None
     ]
+
+
+def is_other_hands_thumb(
+    blocks: Sequence[Block], mounting: Mapping[str, Array], pose: initial_pose.Pose
+) -> bool:
+    """Whether in a pose with the thumb turned its sensors see gravity as those of the other hand's thumb do, which is turned the other way."""
+    worn = _worn_sensors(blocks, mounting, pose, pose.end)
+    thumb = [s for s in CHAINS["thumb"] if s in worn]
+    if len(worn) < 4 or "hand" not in worn or len(thumb) < 2:
+        return False
+    up = _common_direction({n: w.up_on_hand() for n, w in worn.items() if n not in thumb})
+    flexion, deviation, pronation = pose.thumb_cmc
+    mirrored = replace(pose, thumb_cmc=(flexion, -deviation, -pronation))
+    on_hand = initial_pose.segments_in_pose(mirrored)
+    own = [_between(worn[s].up_on_hand(), up) for s in thumb]
+    others = [_between(worn[s].up_on_hand(on_hand[s]), up) for s in thumb]
+    return min(own) > OFF and max(others) < FITS
 
 
 def _worn_sensors(

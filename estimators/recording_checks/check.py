@@ -42,6 +42,7 @@ EXPLAINS = {  # what a cause of the file looks like at single sensors, by the ki
 BY_TURNED = {"sensor.slipped", "sensors.disagree"}  # what a sensor that turned explains
 # where times are wrong, sensors seem to have turned
 OF_TIMES = {"file.rate", "file.lost_rows", "file.frozen", "sensor.frozen"}
+OTHER_HAND = {"hand.other", "hand.mirrored", "hand.other_thumb"}  # told once
 IN_OTHER_UNIT = "sensor.accelerometer_unit"
 EDGE = 0.1  # s: checks look at windows, so a fault begins a little earlier and ends a little later than they say
 
@@ -132,7 +133,10 @@ def suspicions_of(
     found = check_recording(whole_of(recording), recording, known, compared)
     named = {n for s in found if s.message.severity != "info" for n in s.sensors}
     found += [s for s in check_joints(recording, known) if _is_asked(s) or not named & {*s.sensors}]
-    return sorted([*found, *check_pose(recording, known)], key=_is_asked)
+    of_pose = check_pose(recording, known)
+    if OTHER_HAND & {s.message.code for s in found}:
+        of_pose = [s for s in of_pose if s.message.code not in OTHER_HAND]
+    return sorted([*found, *of_pose], key=_is_asked)
 
 
 def untested_of(

@@ -1,7 +1,7 @@
 """Gravity in the initial pose against a hand that lies flat, palm down: accelerometers that are all negated show there, and nowhere else by themselves, and joints that were bent.
 
 In      a recording, calibrations from its initial poses
-Out     questions: where most sensors read gravity upside down; which joints were bent. Of single sensors: alignment/mounting_checks.py
+Out     that the thumb is the other hand's; questions: where most sensors read gravity upside down, which joints were bent. Of single sensors: alignment/mounting_checks.py
 Limits  a pose that was held palm up looks like negated accelerometers, so that it is asked and flags nothing
 """
 
@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from handscope.estimators.alignment import initial_pose
+from handscope.estimators.alignment import initial_pose, mounting_checks
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.samples import ACC, Recording
 from handscope.estimators.fault_detection.finding import Message, Suspicion
@@ -31,7 +31,24 @@ def check_pose(recording: Recording, calibrations: Sequence[Calibration]) -> lis
     poses = [c for c in calibrations if c.source.is_pose]
     ends = [*(c.t for c in poses[1:]), np.inf]
     bent = [s for c, end in zip(poses, ends) for s in bent_joint_questions(c, end)]
-    return [*_negated(recording, calibrations), *bent]
+    return [*_other_hand(recording, poses), *_negated(recording, calibrations), *bent]
+
+
+def _other_hand(recording: Recording, poses: Sequence[Calibration]) -> list[Suspicion]:
+    """What the thumb shows in the first pose: that the other hand was measured."""
+    if not poses:
+        return []
+    pose = replace(
+        initial_pose.pose_of(initial_poses(recording.events)[0]),
+        onset=poses[0].t,
+        duration=poses[0].end - poses[0].t,
+    )
+    inertial = [b for b in whole_of(recording) if b.stream.inertial]
+    if not mounting_checks.is_other_hands_thumb(inertial, recording.mounting, pose):
+        return []
+    every = tuple(dict.fromkeys(s for b in inertial for s in b.stream.sensors))
+    message = Message("hand.other_thumb", {}, "warning")
+    return [Suspicion(message, every, ((-np.inf, np.inf),), RARE)]
 
 
 def bent_joint_questions(pose: Calibration, until: float = np.inf) -> list[Suspicion]:
