@@ -104,7 +104,7 @@ def is_other_hands_thumb(
     on_hand = initial_pose.segments_in_pose(mirrored)
     own = [_between(worn[s].up_on_hand(), up) for s in thumb]
     others = [_between(worn[s].up_on_hand(on_hand[s]), up) for s in thumb]
-    return min(own) > OFF and max(others) < FITS
+    return bool(min(own) > OFF and max(others) < FITS)
 
 
 def _worn_sensors(
