@@ -1,4 +1,4 @@
-"""Rows that were dropped from a file whose times do not show it: all sensors jump at one instant, and gravity is elsewhere behind it.
+"""Rows that were dropped from a file whose times do not show it: sensors jump at one instant, and gravity is elsewhere behind it, or rates step as no hand turns.
 
 In      a block of an inertial stream of three sensors or more
 Out     when rows were dropped, about how many seconds, and how probable such a jump is without a loss
@@ -38,6 +38,16 @@ FARTHER = 1.5  # times what SENSORS sensors do anywhere else, that they have to 
 LONGEST = 10.0  # s
 # times the largest step of a gyroscope beside it, up to so many rows away, that a quarter of the sensors have to step at a loss; a stop at a joint's end reaches 1.2
 SHARP, NEXT = 1.5, 3
+# the same of SENSORS sensors from which on rates tell by themselves: of 185 intact recordings of two simulators the largest was 1.5, of 16 sensors on a walking body (qmt) 1.7, of a board that was
+# tapped and thrown about (BROAD) 5.7 in any one sensor; of rows that were dropped two thirds are larger
+SURELY, STEPS_RATE = 6.0, 80.0  # Hz: more slowly sampled, brisk fingers step, too
+RARE = 1e-4  # probability that is told of it: fewer intact recordings were looked at than it claims to be among
+# rad/s of a step; of a sensor that moves
+LEAST_STEP, MOVES = 0.15, 0.3
+LEAST_STOP, LEVER = (
+    0.3,
+    0.01,
+)  # m/s^2; m from its joint that a sensor is at least: what stops in one sample is seen to be stopped
 
 
 @dataclass(frozen=True)
@@ -95,9 +105,10 @@ def losses_of(block: Block) -> list[Loss]:
     if period > 1.0 / LEAST_RATE:
         return []
     jump = _jumps(block)
+    stepping = _unlike_movement(block, period)
     peaks = _peaks(jump, max(1, round(NEAR / period)))
     if len(peaks) < LEAVE + 5:
-        return []
+        return stepping
     tail = jump[peaks[LEAVE : LEAVE + TAIL]]
     begin, slope = float(tail[-1]), max(float((tail - tail[-1])[:-1].mean()), 0.2)
     found = []
@@ -107,7 +118,44 @@ def losses_of(block: Block) -> list[Loss]:
             turns, usual = _gravity_turns(block, int(k))
             if turns is not None and _is_elsewhere(turns, usual):
                 found.append(Loss(float(block.t[k]), turns.seconds, p))
+    found += [s for s in stepping if all(abs(s.t - f.t) > NEAR for f in found)]
     return sorted(found, key=lambda loss: loss.t)
+
+
+def _unlike_movement(block: Block, period: float) -> list[Loss]:
+    """Losses that rates alone show: in SENSORS sensors, and most of those that move, they step between two samples, and no acceleration is there that would stop a hand so."""
+    if period > 1.0 / STEPS_RATE:
+        return []
+    gyr, step, sharp = block.of(GYR), *_sharpness(block.of(GYR))
+    forces = np.linalg.norm(np.diff(block.of(ACC), axis=0), axis=-1)
+    changes = np.lib.stride_tricks.sliding_window_view(forces, 2 * NEXT + 1, axis=0)
+    beside = np.maximum(changes[..., NEXT - 1], changes[..., NEXT + 1])
+    usual = changes[..., [0, 1, 2 * NEXT - 1, 2 * NEXT]].max(axis=-1)
+    stopped = beside - usual > np.maximum(LEAST_STOP, LEVER * step / period)
+    with np.errstate(invalid="ignore"):
+        steps = np.where((step > LEAST_STEP) & ~stopped, sharp, 0.0)
+        fast = np.linalg.norm(gyr - np.nanmedian(gyr, axis=0), axis=-1) > MOVES
+    rows = np.arange(len(steps)) + NEXT
+    moving = fast[rows] | fast[rows + 1]
+    most = (moving & (sharp > SHARP)).sum(axis=1) >= 0.5 * moving.sum(axis=1)
+    regular = np.lib.stride_tricks.sliding_window_view(np.diff(block.t), 2 * NEXT + 1).max(axis=1)
+    few = np.sort(steps, axis=1)[:, -SENSORS]
+    few = np.where(most & (regular < 1.5 * period), few, 0.0)
+    found = []
+    for k in _peaks(few, max(1, round(NEAR / period)))[:LEAVE]:
+        turns, _ = _gravity_turns(block, int(rows[k])) if few[k] > SURELY else (None, [])
+        if turns is not None:
+            found.append(Loss(float(block.t[rows[k]]), turns.seconds, RARE))
+    return found
+
+
+def _sharpness(rates: Array) -> tuple[Array, Array]:
+    """How far rates (n, S, 3) step (n - 2 NEXT - 1, S) from row NEXT on to the next, and how many times the largest step within NEXT rows; 0 where one is missing."""
+    steps = np.linalg.norm(np.diff(rates, axis=0), axis=-1)
+    windows = np.lib.stride_tricks.sliding_window_view(steps, 2 * NEXT + 1, axis=0)
+    beside = np.delete(windows, NEXT, axis=-1).max(axis=-1)
+    step = windows[..., NEXT]
+    return np.nan_to_num(step), np.nan_to_num(step / np.maximum(beside, 1e-9))
 
 
 def _jumps(block: Block) -> Array:
@@ -143,11 +191,7 @@ def _is_elsewhere(turns: _Turns, usual: Sequence[_Turns]) -> bool:
 def _is_sharp(block: Block, row: int) -> bool:
     """Whether rates step between two samples near a row, rather than in the course of several."""
     rates = block.of(GYR)[max(row - NEXT - 2, 0) : row + NEXT + 4]
-    steps = np.nan_to_num(np.linalg.norm(np.diff(rates, axis=0), axis=-1))
-    windows = np.lib.stride_tricks.sliding_window_view(steps, 2 * NEXT + 1, axis=0)
-    beside = np.delete(windows, NEXT, axis=-1).max(axis=-1)
-    sharp = windows[..., NEXT] / np.maximum(beside, 1e-9)
-    return bool(np.any(np.quantile(sharp, 0.75, axis=1) > SHARP))
+    return bool(np.any(np.quantile(_sharpness(rates)[1], 0.75, axis=1) > SHARP))
 
 
 def _gravity_turns(block: Block, row: int) -> tuple[_Turns | None, list[_Turns]]:

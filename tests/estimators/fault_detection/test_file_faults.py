@@ -182,6 +182,32 @@ def test_rows_dropped_while_two_fingers_move_only_are_found():
     assert abs(found.spans[0][0] - 8.0) < 0.03
 
 
+def with_a_thumb_that_moves_level():
+    """Of a hand at rest the thumb, whose sensors see gravity all the time alike."""
+    (block,) = with_two_fingers_that_move()
+    values, still = block.values.copy(), np.random.default_rng(3)
+    for k, name in enumerate(block.stream.sensors):
+        values[:, k, 3:] = [2.0, 9.0, 3.3] + 0.02 * still.normal(size=(len(block.t), 3))
+        if not name.startswith("thumb"):
+            values[:, k, :3] = 0.002 * still.normal(size=(len(block.t), 3))
+    return [replace(block, values=values)]
+
+
+def test_rows_dropped_while_a_thumb_moves_level_are_found_by_rates_alone():
+    assert lost_rows(with_a_thumb_that_moves_level()) == []
+    (found,) = lost_rows(without_rows(with_a_thumb_that_moves_level(), 8.0, 9.5))
+    assert abs(found.spans[0][0] - 8.0) < 0.03
+
+
+def test_a_thumb_that_something_stops_within_a_sample_is_no_loss():
+    """Its sensors feel what stops them."""
+    (block,) = without_rows(with_a_thumb_that_moves_level(), 8.0, 9.5)
+    row, values = int(np.searchsorted(block.t, 8.0)), block.values.copy()
+    thumb = [k for k, s in enumerate(block.stream.sensors) if s.startswith("thumb")]
+    values[row, thumb, 3:] += 40.0
+    assert lost_rows([replace(block, values=values)]) == []
+
+
 def test_a_knock_while_two_fingers_move_is_no_loss():
     def knocked(a):
         a = a.copy()
