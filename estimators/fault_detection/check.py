@@ -2,10 +2,11 @@
 
 In      blocks of a recording, or of what has come so far; what is declared of it
 Out     suspicions: what is probably wrong, which sensors, from when to when, how probable such evidence is without the fault
-Limits  those of the checks: single_sensors/ and neighbours/. Sensors against each other are looked at only where each by itself is right
+Limits  those of the checks: single_sensors/ and neighbours/. Against each other only those sensors are looked at that are right by themselves
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.samples import Block, Recording
@@ -14,6 +15,7 @@ from handscope.estimators.fault_detection.neighbours import check_neighbours
 from handscope.estimators.fault_detection.neighbours.check_neighbours import Compared
 from handscope.estimators.fault_detection.single_sensors.check_sensors import check_sensors
 
+MOST_FAULTY = 4  # sensors at fault beside which the others are compared: more have one cause
 SLIP, UNEXPLAINED = "sensor.slipped", "sensors.disagree"
 EXPLAIN_STEPS = ("sensors.late", "sensors.early", "sensors.exchanged", "sensors.order")
 
@@ -46,11 +48,18 @@ def check_recording(
         compared = compared or Compared(blocks, declared, calibrations)
     alone = check_sensors(blocks, compared.cells if compared else None)
     alone = [s for s in alone if not _is_refuted(s, compared)]
-    spoils = any(
-        s.message.severity == "fault" and "magnetometer" not in s.message.code for s in alone
-    )
-    if declared is None or spoils:
+    faulty = {
+        n
+        for s in alone
+        if s.message.severity == "fault" and "magnetometer" not in s.message.code
+        for n in s.sensors
+    }
+    if declared is None or len(faulty) > MOST_FAULTY:
         return alone
+    if faulty:
+        rest = (_without(b, faulty) for b in blocks)
+        blocks = [b for b in rest if b.stream.sensors]
+        compared = Compared(blocks, declared, calibrations)
     together = check_neighbours.check(
         blocks,
         declared.hand,
@@ -61,6 +70,13 @@ def check_recording(
         compared,
     )
     return _without_repeated_slips([*alone, *together])
+
+
+def _without(block: Block, sensors: Collection[str]) -> Block:
+    """A block of the other sensors alone."""
+    kept = [k for k, name in enumerate(block.stream.sensors) if name not in sensors]
+    stream = replace(block.stream, sensors=tuple(block.stream.sensors[k] for k in kept))
+    return replace(block, stream=stream, values=block.values[:, kept])
 
 
 def _is_refuted(suspicion: Suspicion, compared: Compared | None) -> bool:
