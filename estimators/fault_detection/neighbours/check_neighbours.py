@@ -197,7 +197,7 @@ def _named(views: Views, odd: Sequence[tuple[str, str]]) -> list[Suspicion]:
         at_odd_joint = any(set(joint) & set(cause.sensors) for joint in odd)
         return cause.suspicion.p_value < (exchanges.OTHERS if at_odd_joint else FALSE_ALARM)
 
-    exchange = exchanges.find(pairs)
+    exchange = exchanges.find(pairs) or exchanges.find_by_distances(pairs)
     wrong_gains = [
         g
         for g in (gains.find(pairs), rate_tests.find_gain(rates))

@@ -2,25 +2,33 @@
 
 In      pairs of sensors (sensor_pairs.py)
 Out     the exchange under which neighbours meet at common joints clearly better than as declared
-Source  ours; test: paired_test.py, over all exchanges of two sensors and all orders along a finger
-Limits  joints that do not move, or move too gently to accelerate anything, tell no order; whole fingers exchanged keep their order: joint_places.py
+Source  ours; test: paired_test.py, over all exchanges of two sensors and all orders along a finger. Where joints do not move: how far apart along a finger its sensors sit, as a hand that
+        turns or trembles shows it, by Student's t with the other fingers' errors (Student 1908, Biometrika 6:1)
+Limits  a hand that neither turns nor moves its joints tells no order; whole fingers exchanged keep their order: joint_places.py
 """
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from handscope.estimators.fault_detection.neighbours import paired_test
+from handscope.estimators.fault_detection.neighbours import common_joint, paired_test
 from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
-from handscope.estimators.hand.anatomy import CHAINS
+from handscope.estimators.hand.anatomy import CHAINS, side_sign
+from handscope.estimators.numerics import quaternions as quat
+from handscope.estimators.numerics.tail_probabilities import student_sf
 from handscope.estimators.numerics.typing import Array
 
 MARGIN = 1.2  # of the log ratio of all joints together: skin alone lets another order leave up to a third at one joint; ours
 EXPLAINED = 4.0  # times their noise that joints leave after the exchange: of what leaves more, it is not the cause
 BEYOND = 8.0  # weight of a window that skin does not explain, even where sensors that change places turn alike
+FALSE_ALARM = 2e-4  # of the distances along all fingers of one recording, as of every family of check_neighbours.py
+APART_SD = 0.004  # m, of the distance of neighbouring sensors from the declared; more where other fingers show it
+KNOWN = 0.005  # m, standard deviation by movement up to which a distance is known
+LEAST_OTHERS = 4  # distances of other fingers that tell the errors
+FITS = 0.01  # probability from which on an order is compatible with the distances
 OTHERS = 0.01  # probability from which on a second exchange explains the readings as well as the best one
 
 Order = Mapping[str, str]  # sensor that sits on a segment, by segment; those that stay are left out
@@ -63,6 +71,77 @@ def find(pairs: Pairs) -> Exchange | None:
         [best, *as_good], key=lambda k: len({s.partition("_")[0] for s in candidates[k]})
     )  # within a finger, where that explains as much
     return Exchange(candidates[simplest], tests[simplest], totals[simplest], not as_good)
+
+
+def find_by_distances(pairs: Pairs) -> Exchange | None:
+    """Sensors of one finger in another order, by how far apart along the finger they sit; where joints bend, and where they do not."""
+    along = {f: d for f, chain in CHAINS.items() if (d := _distances(pairs, chain)) is not None}
+    tests = [t for finger in along for t in _order_tests(along, finger)]
+    fitting = [t for t in tests if t[1] > FITS]
+    if not fitting:
+        return None
+    p_value, _, order = min(fitting, key=lambda t: t[0])
+    p_value = min(1.0, p_value * len(tests))
+    if p_value >= FALSE_ALARM:
+        return None
+    return Exchange(order, p_value, -float(np.log(max(p_value, 1e-300))), True)
+
+
+@dataclass(frozen=True)
+class _Distances:
+    """From the first sensor of a finger to the second, and on to the third, along the finger."""
+
+    found: Array  # (2,) m
+    declared: Array  # (2,) m
+    sd: Array  # (2,) m, by what differs from window to window
+
+
+def _distances(pairs: Pairs, chain: Sequence[str]) -> _Distances | None:
+    """None where a sensor is missing."""
+    joints = list(zip(chain, chain[1:]))
+    if not all(joint in pairs.joints for joint in joints):
+        return None
+    distal = side_sign(pairs.geometry.hand) * np.array([0.0, 1.0, 0.0])
+    by = np.array(
+        [
+            [
+                sign * quat.rotate(quat.conjugate(pairs.q_BS[s]), distal)
+                for s, sign in zip(joint, (1, -1))
+            ]
+            for joint in joints
+        ]
+    ).reshape(len(joints), 6)
+    fits = [pairs.joint(*joint) for joint in joints]
+    covariance = common_joint.scattered(fits)
+    return _Distances(
+        np.array([b @ f.place for b, f in zip(by, fits)]),
+        np.array([b @ pairs.expected(*j, j).centre for b, j in zip(by, joints)]),
+        np.sqrt(np.einsum("ji,jik,jk->j", by, covariance, by)),
+    )
+
+
+def _order_tests(
+    along: Mapping[str, _Distances], finger: str
+) -> Iterator[tuple[float, float, Order]]:
+    """Every other order along a finger: the probability of such distances in the declared order, and in this one."""
+    mine, chain = along[finger], CHAINS[finger]
+    others = [d for f, d in along.items() if f != finger]
+    wrong = [(d.found - d.declared) / np.hypot(d.sd, APART_SD) for d in others]
+    errors, sd = np.concatenate([np.zeros(0), *wrong]), np.hypot(mine.sd, APART_SD)
+    if len(errors) < LEAST_OTHERS or mine.sd.max() > KNOWN:
+        return
+    own = (mine.found - mine.declared) / sd
+    middles = np.concatenate([[0.0], np.cumsum(mine.declared)])
+    for order in list(itertools.permutations(range(3)))[1:]:
+        towards = (np.diff(middles[list(order)]) - mine.declared) / sd
+        whole = float(np.linalg.norm(towards))
+        off = float(own @ towards) / whole
+        aside = max(float(own @ own) - off**2, 0.0)
+        freedom = len(errors) + 1
+        size = max(1.0, float(np.sqrt((errors @ errors + aside) / freedom)))
+        p_value, fits = student_sf(np.array([off, whole - off]) / size, freedom)
+        sits = {chain[to]: chain[k] for k, to in enumerate(order) if k != to}
+        yield float(p_value), float(fits), sits
 
 
 def _helps(pairs: Pairs, poor: list[tuple[str, str]], order: Order) -> bool:

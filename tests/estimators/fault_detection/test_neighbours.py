@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -9,7 +10,8 @@ import pytest
 from handscope.estimators.data.samples import ACC, GYR, Block, Stream
 from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.neighbours import check_neighbours as neighbours
-from handscope.estimators.hand.anatomy import CHAINS, FINGERS, Hand
+from handscope.estimators.fault_detection.neighbours import exchanges
+from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry, sized
 from handscope.estimators.recording_checks.check import suspicions_of
 from handscope.estimators.simulation.scenario import Simulated, simulate
@@ -228,6 +230,33 @@ def test_the_other_hand_is_told_by_its_bones() -> None:
     )
     (found,) = told(intact(), "right", other)
     assert found.message.code == "hand.other"
+
+
+@cache
+def turned_about() -> Simulated:
+    """A wrist that bends and stretches while the fingers stay as they are in the pose."""
+    return simulate(
+        ["initial_pose", "rom_wrist_flexion"],
+        "left",
+        GEOMETRY,
+        np.random.default_rng(8),
+        SensorErrors(),
+        segments=tuple(s for s in SEGMENTS if s != "forearm"),
+        rate=100.0,
+    )
+
+
+@pytest.mark.parametrize(
+    "pair", [("ring_middle", "ring_distal"), ("index_proximal", "index_middle")]
+)
+def test_sensors_of_a_finger_that_does_not_bend_are_told_apart_by_their_distances(
+    pair: tuple[str, str],
+) -> None:
+    pairs = neighbours.prepare_pairs(list(turned_about().blocks()), GEOMETRY, {}, [])
+    assert pairs is not None and exchanges.find_by_distances(pairs) is None
+    (found,) = told(exchanged(turned_about(), *pair))
+    assert found.message.code == "sensors.exchanged"
+    assert found.correction is not None and set(found.correction["exchange"]) == set(pair)  # type: ignore[call-overload]
 
 
 @pytest.mark.parametrize("rattling", [None, "thumb_proximal", "ring_middle"])
