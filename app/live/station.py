@@ -319,10 +319,8 @@ class Station:
         self.trial.follow(self._wizard, self.curve.what)
         self._wiggle(status)
         self._wizard = self.checks.follow(self._wizard, status, self.glove.assembler.mounting)
-        self._problem = (
-            worn_glove.foreign_bytes_sentence(self.glove)
-            or worn_glove.wrong_hand_sentence(self.glove, self.setup.hand)
-            or worn_glove.other_glove_sentence(self.glove, self._calibrated_glove)
+        self._problem = worn_glove.problem_sentence(
+            self.glove, self.setup.hand, self._calibrated_glove
         )
         self._drawing.pose = trial_events.pose_with(self._pose_details())
         with self.scene.picture():
