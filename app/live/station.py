@@ -17,13 +17,13 @@ from typing import Any, Literal
 import numpy as np
 
 from handscope.app.devices.glove import Glove
-from handscope.app.live import trial_events, worn_glove
+from handscope.app.live import trial_events
 from handscope.app.live.calibration_movements import CalibrationMovements
 from handscope.app.live.free_movement import FreeMovement
 from handscope.app.live.live_corrections import LiveCorrections
 from handscope.app.live.outputs.choice import open_outlets
 from handscope.app.live.outputs.outlets import Outlets
-from handscope.app.live.readouts import pose_fit
+from handscope.app.live.readouts import pose_fit, worn_glove
 from handscope.app.live.readouts.grasp_estimate import GraspEstimator
 from handscope.app.live.readouts.hand_position import HandPositionReadout
 from handscope.app.live.readouts.trial_review import TrialReview

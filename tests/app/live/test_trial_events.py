@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from handscope.app.devices.glove import Glove
-from handscope.app.live import trial_events, worn_glove
+from handscope.app.live import trial_events
+from handscope.app.live.readouts import worn_glove
 from handscope.app.live.station import Station
 from handscope.app.live.stations import Stations
 from handscope.app.live.wizard import machine as wizard_machine
