@@ -9,6 +9,7 @@ import numpy as np
 
 from handscope.app.devices.glove import GloveState
 from handscope.app.devices.ports import is_relay
+from handscope.app.live.measured_pose import MeasuredPose
 from handscope.app.live.readouts.angle_rows import angle_rows
 from handscope.app.live.readouts.trial_review import UNCOUNTED
 from handscope.app.live.setup import Setup
@@ -25,6 +26,8 @@ from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.words import sentence
 from handscope.estimators.hand.anatomy import SEGMENTS
 from handscope.estimators.measures import repetitions, tapping
+from handscope.estimators.messages.sentence import codes_of
+from handscope.estimators.recording_checks.pose_gravity import BENT_IN_POSE
 from handscope.sessions.wire.assembly import StreamCount
 from handscope.sessions.wire.frame_losses import FrameLosses
 from handscope.sessions.wire.messages import Identity, Status
@@ -82,6 +85,7 @@ class StationView:
     target: tuple[float, float] | None  # rad, band of it that the task asks for
     pose_fit: Sequence[Mapping[str, Any]]  # by palm and finger, while a pose is taken
     task_number: Mapping[str, Any] | None  # estimated for a task of UNCOUNTED
+    measured_pose: MeasuredPose
     sensor_faults: Sequence[str]
     findings: Sequence[Suspicion]  # of the checks over what has come so far
     trackers: Sequence[Mapping[str, Any]]  # one row per tracked sensor
@@ -120,6 +124,7 @@ def station_snapshot(view: StationView) -> dict[str, Any]:
         "measured": view.measured,
         "target": None if view.target is None else np.degrees(view.target).round().tolist(),
         "pose_fit": list(view.pose_fit),
+        "stiff_joints": view.measured_pose.to_json(_asks_about_bent_joints(view.calibration)),
         "ended": view.ended,
     }
 
@@ -226,6 +231,10 @@ def _calibration(c: Calibration | None, joints: Sequence[JointQuality]) -> dict[
             "most_misaligned": tilted,
         }
     return payload
+
+
+def _asks_about_bent_joints(c: Calibration | None) -> bool:
+    return c is not None and any(BENT_IN_POSE in codes_of(w) for w in c.warnings)
 
 
 def _joint(j: JointQuality) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from handscope.app.live import trial_events
 from handscope.app.live.calibration_movements import CalibrationMovements
 from handscope.app.live.free_movement import FreeMovement
 from handscope.app.live.live_corrections import LiveCorrections
+from handscope.app.live.measured_pose import MeasuredPose
 from handscope.app.live.outputs.choice import open_outlets
 from handscope.app.live.outputs.outlets import Outlets
 from handscope.app.live.readouts import pose_fit, worn_glove
@@ -70,7 +71,7 @@ class Station:
         self.scene = SceneProcess(setup.hand, setup.geometry)
         self.curve = Curve()
         self._attempts = 0
-        self._measured_pose: dict[str, float] = {}
+        self.measured_pose = MeasuredPose()
         self._on_finish = on_finish
         self._lock = threading.RLock()
         self._wizard = Wizard(
@@ -263,6 +264,7 @@ class Station:
             if w.state in (State.POSE_READY, State.POSE_HOLD)
             else [],
             task_number=self._task_number(),
+            measured_pose=self.measured_pose,
             sensor_faults=self.sensor_faults,
             findings=(*self.tracking.noticed(), *self.checks.found),
             trackers=self.glove.trackers,
@@ -485,15 +487,10 @@ class Station:
                 self._carry_out(effects, status)
         self._viewers.notify()
 
-    def take_measured_pose(self, details: Mapping[str, float]) -> None:
-        """The next pose has these angles (columns of its event), measured on a photograph; empty: the nominal ones."""
-        with self._lock:
-            self._measured_pose = dict(details)
-
     def _pose_details(self) -> dict[str, Any]:
         """Details for the event of the pose that is being taken."""
-        wizard = self._wizard
-        return trial_events.pose_details(self._measured_pose, wizard.passive, wizard.repetition)
+        wizard, measured = self._wizard, self.measured_pose.columns()
+        return trial_events.pose_details(measured, wizard.passive, wizard.repetition)
 
     def _take_calibrated_glove(self) -> None:
         """The newest calibration is of the glove that is plugged in now."""
@@ -501,10 +498,9 @@ class Station:
         self._calibrated_glove = self.glove.assembler.replaced
 
     def _store_pose(self, pose: Pose, details: Mapping[str, Any]) -> None:
-        """Keep the pose with the details that it was calibrated with; angles of a photograph that arrived meanwhile are kept for the next pose."""
+        """Keep the pose with the details that it was calibrated with."""
         self._attempts += 1
-        if self._measured_pose.items() <= details.items():
-            self._measured_pose = {}
+        self.measured_pose.count(details)
         self.glove.keep_event(
             f"pose-{self._attempts}",
             Event(pose.onset, pose.duration, "initial_pose", dict(details)),
