@@ -4,8 +4,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from handscope.estimators.alignment.initial_pose import BEYOND_LIMITS, DEG
+from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import FLEXION, JOINT, JOINTS, LIMITS
+from handscope.estimators.messages.sentence import codes_of
+from handscope.estimators.recording_checks.pose_gravity import BENT_IN_POSE
 
 # of a joint's flexion, deg. Standard errors of measurement: 2.4 to 4.9 deg by novices (Macionis 2013,
 # BMC Musculoskelet Disord 14:17), 4 to 11 deg at retest (Reissner 2019, J Orthop Surg Res 14:173)
@@ -45,10 +48,16 @@ class MeasuredPose:
             self._photograph = {}
         self._counted = {j: details[_column(j)] for j in HINGED if _column(j) in details}
 
-    def to_json(self, is_asked: bool) -> dict[str, Any]:
-        """The joints that were entered, deg, whether the newest pose still lacks them, and whether it asks about joints that it had bent."""
+    def to_json(self, calibration: Calibration | None) -> dict[str, Any]:
+        """The joints that were entered, deg, whether the newest pose still lacks them, and whether its calibration asks about joints that it had bent."""
+        asked = calibration is not None and asks_about_bent_joints(calibration)
         pending = dict(self._stiff) != dict(self._counted)
-        return {"angles": dict(self._stiff), "pending": pending, "asked": is_asked}
+        return {"angles": dict(self._stiff), "pending": pending, "asked": asked}
+
+
+def asks_about_bent_joints(calibration: Calibration) -> bool:
+    """Whether a question about joints that the pose had bent is among its warnings."""
+    return any(BENT_IN_POSE in codes_of(warning) for warning in calibration.warnings)
 
 
 def _column(joint: str) -> str:

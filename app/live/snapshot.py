@@ -26,8 +26,6 @@ from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.words import sentence
 from handscope.estimators.hand.anatomy import SEGMENTS
 from handscope.estimators.measures import repetitions, tapping
-from handscope.estimators.messages.sentence import codes_of
-from handscope.estimators.recording_checks.pose_gravity import BENT_IN_POSE
 from handscope.sessions.wire.assembly import StreamCount
 from handscope.sessions.wire.frame_losses import FrameLosses
 from handscope.sessions.wire.messages import Identity, Status
@@ -124,7 +122,7 @@ def station_snapshot(view: StationView) -> dict[str, Any]:
         "measured": view.measured,
         "target": None if view.target is None else np.degrees(view.target).round().tolist(),
         "pose_fit": list(view.pose_fit),
-        "stiff_joints": view.measured_pose.to_json(_asks_about_bent_joints(view.calibration)),
+        "stiff_joints": view.measured_pose.to_json(view.calibration),
         "ended": view.ended,
     }
 
@@ -231,10 +229,6 @@ def _calibration(c: Calibration | None, joints: Sequence[JointQuality]) -> dict[
             "most_misaligned": tilted,
         }
     return payload
-
-
-def _asks_about_bent_joints(c: Calibration | None) -> bool:
-    return c is not None and any(BENT_IN_POSE in codes_of(w) for w in c.warnings)
 
 
 def _joint(j: JointQuality) -> dict[str, Any]:

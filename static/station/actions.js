@@ -34,7 +34,7 @@ export function mount(root, api, { station, given }) {
       wizard.passive,
       self_calibration?.enough,
       calibration?.source,
-      stiff_joints?.pending,
+      stiff_joints?.asked || stiff_joints?.pending,
     ],
     buttons,
   );

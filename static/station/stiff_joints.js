@@ -17,8 +17,7 @@ export function mount(root, api, { station }) {
   const joint = select([["", t("stiff.choose")], ...HINGED.map((name) => [name, words(name)])], "", { name: "stiff-joint" });
   const flexion = h("input", { type: "number", step: 1, name: "stiff-flexion" });
   const add = h("button", { type: "submit" }, t("stiff.add"));
-  const fields = h("div", { class: "pair" }, field(t("stiff.joint"), joint), field(t("stiff.flexion"), flexion));
-  const form = h("form", { novalidate: true }, fields, h("p", { class: "hint" }, t("stiff.hint")), h("div", { class: "buttons" }, add));
+  const form = h("form", { class: "buttons", novalidate: true }, field(t("stiff.joint"), joint), field(t("stiff.flexion"), flexion), add);
   const rows = h("ul", {});
   const again = h("div", { role: "status" });
   const lead = h("p", { class: "soft" }, t("stiff.lead"));
