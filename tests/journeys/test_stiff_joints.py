@@ -81,13 +81,13 @@ def test_a_joint_that_cannot_be_straightened_is_entered_and_the_pose_taken_again
     act(page, "redo").click()
     shown(act(page, "start"))
     page.reload()
-    shown(page.get_by_role("button", name="Remove Ring finger PIP"))
+    shown(page.get_by_role("button", name="Remove Ring PIP"))
     keep_screen(page, "stiff-again")
     act(page, "start").click()
     shown(act(page, "accept"))
     expect(page.get_by_text("Bent in the initial pose")).to_have_count(0)
     keep_screen(page, "stiff-counted")
-    page.get_by_role("button", name="Remove Ring finger PIP").click()
+    page.get_by_role("button", name="Remove Ring PIP").click()
     expect(page.get_by_text("40° flexed")).to_have_count(0)
     station = page.url.rsplit("/", 1)[1]
     assert api(page, f"/api/stations/{station}")["stiff_joints"]["angles"] == {}
