@@ -33,6 +33,8 @@ TRANSLATED_KEYS = (
     "reason",
     "hint",
     "sentence",
+    "sensor_faults",
+    "warnings",
 )  # keys of English texts in a snapshot
 
 

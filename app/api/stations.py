@@ -19,6 +19,7 @@ from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, require
 from handscope.app.devices import ports
 from handscope.app.devices.named_hand import named_hand
 from handscope.app.language import Language
+from handscope.app.live.measured_pose import HINGED
 from handscope.app.live.readouts.trial_review import localised_review
 from handscope.app.live.replay import Replay
 from handscope.app.live.station import Station
@@ -60,6 +61,15 @@ class StationView(Incoming):
 
     side: Literal[Side, "fit"] = "fit"
     mirrored: bool | None = None
+
+
+class StiffJoints(Incoming):
+    """Joints that cannot be straightened."""
+
+    angles: dict[str, float] = Field(
+        max_length=len(HINGED),
+        description="flexion by joint as a goniometer shows it, deg; hyperextension is negative",
+    )
 
 
 class TrackerPlaces(Incoming):
@@ -151,6 +161,17 @@ def place_trackers(
         raise InputError("live.trackers_calibrated")
     places = station.glove.place_trackers(new.places)
     tracker_places.store_places(parts.store.folder, station.setup.hand, places)
+    return localised_state(station, language)
+
+
+@router.put("/stations/{name}/stiff-joints")
+def enter_stiff_joints(
+    station: StationDep, language: LanguageDep, new: StiffJoints
+) -> dict[str, Any]:
+    """Joints that cannot be straightened, all of them: every pose from now on has these angles."""
+    if not isinstance(station, Station):
+        raise InputError("api.replay_takes_no_pose")
+    station.measured_pose.use_goniometer(new.angles)
     return localised_state(station, language)
 
 

@@ -152,13 +152,13 @@ class Language:
         return self._localise(text) if known is None else known
 
     def translate_keys(self, value: Any, keys: Collection[str]) -> Any:
-        """Plain data with the texts under these keys, at any depth, translated."""
+        """Plain data with the texts under these keys, one or a list, at any depth, translated."""
         if self.code == DEFAULT:
             return value
         if isinstance(value, Mapping):
             return {
-                k: self.translate(v)
-                if k in keys and isinstance(v, str)
+                k: self._translate_texts(v)
+                if k in keys and _is_texts(v)
                 else self.translate_keys(v, keys)
                 for k, v in value.items()
             }
@@ -167,6 +167,9 @@ class Language:
             if isinstance(value, list | tuple)
             else value
         )
+
+    def _translate_texts(self, value: str | Sequence[str]) -> str | list[str]:
+        return self.translate(value) if isinstance(value, str) else [*map(self.translate, value)]
 
     def _localise(self, text: str) -> str:
         """Segments and joints by their names, decimal numbers in the locale's form."""
@@ -181,6 +184,11 @@ class Language:
         return (
             named if point == "." else NUMBER.sub(lambda found: found[0].replace(".", point), named)
         )
+
+
+def _is_texts(value: Any) -> bool:
+    texts = [value] if isinstance(value, str) else value
+    return isinstance(texts, list | tuple) and all(isinstance(text, str) for text in texts)
 
 
 def languages() -> Mapping[str, Language]:

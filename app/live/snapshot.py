@@ -9,6 +9,7 @@ import numpy as np
 
 from handscope.app.devices.glove import GloveState
 from handscope.app.devices.ports import is_relay
+from handscope.app.live.measured_pose import MeasuredPose
 from handscope.app.live.readouts.angle_rows import angle_rows
 from handscope.app.live.readouts.trial_review import UNCOUNTED
 from handscope.app.live.setup import Setup
@@ -82,6 +83,7 @@ class StationView:
     target: tuple[float, float] | None  # rad, band of it that the task asks for
     pose_fit: Sequence[Mapping[str, Any]]  # by palm and finger, while a pose is taken
     task_number: Mapping[str, Any] | None  # estimated for a task of UNCOUNTED
+    measured_pose: MeasuredPose
     sensor_faults: Sequence[str]
     findings: Sequence[Suspicion]  # of the checks over what has come so far
     trackers: Sequence[Mapping[str, Any]]  # one row per tracked sensor
@@ -120,6 +122,7 @@ def station_snapshot(view: StationView) -> dict[str, Any]:
         "measured": view.measured,
         "target": None if view.target is None else np.degrees(view.target).round().tolist(),
         "pose_fit": list(view.pose_fit),
+        "stiff_joints": view.measured_pose.to_json(view.calibration),
         "ended": view.ended,
     }
 

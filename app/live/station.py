@@ -17,13 +17,14 @@ from typing import Any, Literal
 import numpy as np
 
 from handscope.app.devices.glove import Glove
-from handscope.app.live import trial_events, worn_glove
+from handscope.app.live import trial_events
 from handscope.app.live.calibration_movements import CalibrationMovements
 from handscope.app.live.free_movement import FreeMovement
 from handscope.app.live.live_corrections import LiveCorrections
+from handscope.app.live.measured_pose import MeasuredPose, asks_about_bent_joints
 from handscope.app.live.outputs.choice import open_outlets
 from handscope.app.live.outputs.outlets import Outlets
-from handscope.app.live.readouts import pose_fit
+from handscope.app.live.readouts import pose_fit, worn_glove
 from handscope.app.live.readouts.grasp_estimate import GraspEstimator
 from handscope.app.live.readouts.hand_position import HandPositionReadout
 from handscope.app.live.readouts.trial_review import TrialReview
@@ -70,7 +71,7 @@ class Station:
         self.scene = SceneProcess(setup.hand, setup.geometry)
         self.curve = Curve()
         self._attempts = 0
-        self._measured_pose: dict[str, float] = {}
+        self.measured_pose = MeasuredPose()
         self._on_finish = on_finish
         self._lock = threading.RLock()
         self._wizard = Wizard(
@@ -263,6 +264,7 @@ class Station:
             if w.state in (State.POSE_READY, State.POSE_HOLD)
             else [],
             task_number=self._task_number(),
+            measured_pose=self.measured_pose,
             sensor_faults=self.sensor_faults,
             findings=(*self.tracking.noticed(), *self.checks.found),
             trackers=self.glove.trackers,
@@ -319,10 +321,8 @@ class Station:
         self.trial.follow(self._wizard, self.curve.what)
         self._wiggle(status)
         self._wizard = self.checks.follow(self._wizard, status, self.glove.assembler.mounting)
-        self._problem = (
-            worn_glove.foreign_bytes_sentence(self.glove)
-            or worn_glove.wrong_hand_sentence(self.glove, self.setup.hand)
-            or worn_glove.other_glove_sentence(self.glove, self._calibrated_glove)
+        self._problem = worn_glove.problem_sentence(
+            self.glove, self.setup.hand, self._calibrated_glove
         )
         self._drawing.pose = trial_events.pose_with(self._pose_details())
         with self.scene.picture():
@@ -480,22 +480,18 @@ class Station:
                 self._take_calibrated_glove()
                 self._store_pose(pose, details)
                 self.scene.measured(alignment_quality.measured_fingers(calibration))
-                poor = sum(j.grade == "poor" for j in self.joints())
+                asked = asks_about_bent_joints(calibration)  # a bent joint looks like a poor one
+                poor = 0 if asked else sum(j.grade == "poor" for j in self.joints())
                 self._wizard, effects = wizard_machine.accept_pose(
                     self._wizard, status, poor, self.tracking.swapped()
                 )
                 self._carry_out(effects, status)
         self._viewers.notify()
 
-    def take_measured_pose(self, details: Mapping[str, float]) -> None:
-        """The next pose has these angles (columns of its event), measured on a photograph; empty: the nominal ones."""
-        with self._lock:
-            self._measured_pose = dict(details)
-
     def _pose_details(self) -> dict[str, Any]:
         """Details for the event of the pose that is being taken."""
-        wizard = self._wizard
-        return trial_events.pose_details(self._measured_pose, wizard.passive, wizard.repetition)
+        wizard, measured = self._wizard, self.measured_pose.columns()
+        return trial_events.pose_details(measured, wizard.passive, wizard.repetition)
 
     def _take_calibrated_glove(self) -> None:
         """The newest calibration is of the glove that is plugged in now."""
@@ -503,10 +499,9 @@ class Station:
         self._calibrated_glove = self.glove.assembler.replaced
 
     def _store_pose(self, pose: Pose, details: Mapping[str, Any]) -> None:
-        """Keep the pose with the details that it was calibrated with; angles of a photograph that arrived meanwhile are kept for the next pose."""
+        """Keep the pose with the details that it was calibrated with."""
         self._attempts += 1
-        if self._measured_pose.items() <= details.items():
-            self._measured_pose = {}
+        self.measured_pose.count(details)
         self.glove.keep_event(
             f"pose-{self._attempts}",
             Event(pose.onset, pose.duration, "initial_pose", dict(details)),

@@ -29,6 +29,7 @@ from handscope.estimators.alignment import (
 )
 from handscope.estimators.alignment.functional_movements import CalibrationMovement
 from handscope.estimators.alignment.initial_pose import Pose
+from handscope.estimators.alignment.repeated_pose import TakenPose, extend_row
 from handscope.estimators.data import trajectory
 from handscope.estimators.data.calibration import Calibration, CalibrationSource, PriorCalibration
 from handscope.estimators.data.findings import Finding
@@ -119,7 +120,7 @@ class Tracking:
         self._segment_flags = np.zeros(len(SEGMENTS), np.uint8)  # until the next calibration
         self._previous: _PreviousCalibration | None = None
         self._on_pose, self._on_samples = on_pose, on_samples
-        self._row: list[Calibration] = []  # poses taken one after the other
+        self._row: list[TakenPose] = []  # poses taken one after the other
         self._queue: deque[Block] = deque()
         self._progress = StripProgress(patience)
         self._is_complete = False  # whether what waits completes a row
@@ -163,8 +164,8 @@ class Tracking:
         once = initial_pose.calibrate(
             self.params, self.hand, self.geometry, self.mounting, window, pose
         )
-        row = [*self._row, once] if pose.repetition > 1 else [once]
-        calibration = repeated_pose.average(row)
+        row = extend_row(self._row, TakenPose(pose, once))
+        calibration = repeated_pose.average([taken.calibration for taken in row])
         if self.movements:
             calibration = functional_calibration.combine(
                 self.params, self.movements, calibration, self.mounting

@@ -9,14 +9,15 @@ Limits  gravity shows flexion alone: what the poses differ by about the vertical
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from handscope.estimators.alignment import functional_calibration
+from handscope.estimators.alignment.initial_pose import Pose
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.hand import joint_angles
-from handscope.estimators.hand.anatomy import FINGER_JOINTS, JOINT, JOINTS
+from handscope.estimators.hand.anatomy import FINGER_JOINTS, FLEXION, JOINT, JOINTS
 from handscope.estimators.messages.sentence import phrase
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
@@ -27,6 +28,21 @@ LEAST_JOINTS = 3  # whose flexion must be seen to tell how poses scatter
 LARGEST_SD = np.radians(5.0)  # poses that scatter more were not the same
 SAME = np.radians(0.15)  # poses that scatter less are one: no hand comes back so exactly
 FINGERS = [name for f, joints in FINGER_JOINTS.items() if f != "thumb" for name in joints]
+
+
+@dataclass(frozen=True)
+class TakenPose:
+    """A pose with the calibration that it gave by itself."""
+
+    pose: Pose
+    calibration: Calibration
+
+
+def extend_row(row: Sequence[TakenPose], taken: TakenPose) -> list[TakenPose]:
+    """The row with a pose that repeats the one before; a new row where its event does not say so, or says that joints were flexed otherwise."""
+    repeats = taken.pose.repetition > 1 and bool(row)
+    same = repeats and _known_flexions(row[-1].pose) == _known_flexions(taken.pose)
+    return [*row, taken] if same else [taken]
 
 
 def average(row: Sequence[Calibration]) -> Calibration:
@@ -50,6 +66,11 @@ def average(row: Sequence[Calibration]) -> Calibration:
         flexion, deviation, pronation = np.where(np.isnan(known), sd[joint], known)
         sd[joint] = float(flexion), float(deviation), float(pronation)
     return replace(mounted[-1], pose_sd=sd)
+
+
+def _known_flexions(pose: Pose) -> dict[str, float]:
+    """Joints that are not straight in the pose as its event describes it, rad."""
+    return {j: angles[FLEXION] for j, angles in pose.measured.items() if angles[FLEXION]}
 
 
 def _flexions(calibration: Calibration) -> Array:

@@ -16,6 +16,7 @@ from handscope.estimators.alignment.functional_movements import (
     FunctionalParams,
 )
 from handscope.estimators.alignment.initial_pose import Pose, PoseParams
+from handscope.estimators.alignment.repeated_pose import TakenPose, extend_row
 from handscope.estimators.data.calibration import Calibration, CalibrationSource, PriorCalibration
 from handscope.estimators.data.samples import MAG, ORIENTATION, Block, Event, Recording, join
 from handscope.estimators.errors import InputError
@@ -71,7 +72,7 @@ def calibrate(
     recording's; a bad pose beside a good one is a warning."""
     found: list[Calibration] = []
     refused: list[str] = []
-    row: list[Calibration] = []
+    row: list[TakenPose] = []
     for event in initial_poses(recording.events):
         try:
             pose = initial_pose.pose_of(event)
@@ -79,8 +80,8 @@ def calibrate(
         except InputError as problem:
             refused.append(str(problem))
         else:
-            row = [*row, once] if pose.repetition > 1 else [once]
-            found.append(repeated_pose.average(row))
+            row = extend_row(row, TakenPose(pose, once))
+            found.append(repeated_pose.average([taken.calibration for taken in row]))
     if found and other is None:
         pieces, spoilt = functional_pieces(params, recording, found)
         return _functional(params, recording, pieces, found), [

@@ -22,6 +22,7 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.pipeline.process import whole_of
 from handscope.estimators.pipeline.recording_calibration import initial_poses
 
+BENT_IN_POSE = "person.bent_in_pose"  # code of the question about joints that were bent
 LEAST = np.radians(10.0)  # of a bend that is told
 RARE = 2e-3  # so seldom are joints of a pose that is merely missed told as bent (docs/decisions/0014-bent-joints.py)
 
@@ -58,7 +59,7 @@ def bent_joint_questions(pose: Calibration, until: float = np.inf) -> list[Suspi
         return []
     named = ", ".join(f"{b.joint} {np.degrees(b.angle):.0f}\N{DEGREE SIGN}" for b in bent)
     sensors = tuple(JOINTS[JOINT[b.joint]].child for b in bent)
-    message = Message("person.bent_in_pose", {"joints": named}, "info")
+    message = Message(BENT_IN_POSE, {"joints": named}, "info")
     return [Suspicion(message, sensors, ((pose.t, until),), RARE)]
 
 

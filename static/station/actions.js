@@ -21,7 +21,7 @@ export function mount(root, api, { station, given }) {
   let asking = null; // the state in which a question stands; it stays while that state lasts
   let closeQuestion = () => {};
   const draw = whenChanged(
-    ({ wizard, glove, self_calibration, calibration }) => [
+    ({ wizard, glove, self_calibration, calibration, stiff_joints }) => [
       wizard.state,
       wizard.actions,
       next(wizard),
@@ -34,6 +34,7 @@ export function mount(root, api, { station, given }) {
       wizard.passive,
       self_calibration?.enough,
       calibration?.source,
+      stiff_joints?.asked || stiff_joints?.pending,
     ],
     buttons,
   );

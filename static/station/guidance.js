@@ -32,7 +32,13 @@ export function mount(root, api, { station }) {
       ),
   );
   const drawMore = whenChanged(
-    ({ wizard, calibration, step_quality }) => [wizard.state, calibration, { ...wizard.pace, elapsed: 0 }, step_quality],
+    ({ wizard, calibration, step_quality, stiff_joints: { asked } }) => [
+      wizard.state,
+      calibration,
+      { ...wizard.pace, elapsed: 0 },
+      step_quality,
+      asked,
+    ],
     (values) => more.replaceChildren(...detail(...values)),
   );
   const drawBar = ({ wizard }) => {
@@ -45,7 +51,7 @@ export function mount(root, api, { station }) {
 }
 
 /** What helps to decide in this state. */
-function detail(state, calibration, pace, quality) {
+function detail(state, calibration, pace, quality, asked) {
   if (state === "connect") return [h("p", {}, t("wizard.connect"))];
   if (pace.trials > 1) return [h("p", {}, t("wizard.trial", pace))];
   if (state === "step_review") return quality ? [h("p", {}, qualityWords(quality))] : [];
@@ -56,7 +62,8 @@ function detail(state, calibration, pace, quality) {
     part: segmentWords(calibration.most_misaligned),
   };
   const words = [t("wizard.calibration", values), calibration.steps && counted("wizard.calibration.steps", calibration.steps)];
-  return [h("p", {}, words.filter(Boolean).join(" ")), ...calibration.warnings.map((text) => h("p", { class: "warning" }, inWords(text)))];
+  const how = asked ? [] : [h("p", {}, words.filter(Boolean).join(" "))]; // a joint that was bent looks like a sensor that sits turned
+  return [...how, ...calibration.warnings.map((text) => h("p", { class: "warning" }, inWords(text)))];
 }
 
 /** How well a step of the calibration was done. */

@@ -25,6 +25,7 @@ import * as recording from "./recording.js";
 import * as otherHand from "./other_hand.js";
 import * as score from "./score.js";
 import * as stillness from "./stillness.js";
+import * as stiffJoints from "./stiff_joints.js";
 import * as streams from "./streams.js";
 import * as steps from "./steps.js";
 import * as tasks from "./tasks.js";
@@ -54,6 +55,7 @@ const PARTS = [
   [poseFit, "pose-fit", "div"],
   [score, "score", "div"],
   [trial, "trial-review", "div"],
+  [stiffJoints, "stiff-joints", "div"],
   [actions, "actions", "div"],
   [measuredPose, "measured-pose", "div"],
   [freeMovement, "free", "div"],

@@ -524,6 +524,11 @@ export interface StationView {
   mirrored?: boolean | null;
 }
 
+/** Joints that cannot be straightened. */
+export interface StiffJoints {
+  angles: Record<string, number>;
+}
+
 /** All angles in one stretch. */
 export interface StretchAgreement {
   event: number | null;

@@ -141,7 +141,7 @@ def use_photograph(db: Db, station: StationDep, wish: MeasuredPose) -> None:
         if (photograph.patient_id, photograph.hand) != (session.patient_id, session.hand):
             raise InputError("api.photograph_of_other_hand", number=wish.photograph)
         details = photograph.figures["initial_pose"]
-    station.take_measured_pose(details)
+    station.measured_pose.use_photograph(details)
 
 
 def row(p: HandPhotograph) -> dict[str, Any]:

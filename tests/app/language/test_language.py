@@ -254,3 +254,11 @@ def test_a_line_of_the_audit_trail_has_words_for_what_was_done_to_what() -> None
 def test_every_value_that_a_methods_option_offers_has_words() -> None:
     offered = {c for m in METHODS.values() for d in describe(m.Params) for c in d.choices}
     assert {f"choice.{c}" for c in offered} <= ENGLISH.words.keys()
+
+
+def test_a_list_of_sentences_of_a_snapshot_is_translated_as_one_is() -> None:
+    said = phrase("live.not_now")
+    given = {"calibration": {"warnings": [said], "source": "pose"}, "message": said}
+    german = languages()["de"].translate_keys(given, ("warnings", "message"))
+    assert german["calibration"] == {"warnings": [german["message"]], "source": "pose"}
+    assert german["message"] != said

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from handscope.app.devices.glove import Glove
-from handscope.app.live import trial_events, worn_glove
+from handscope.app.live import trial_events
+from handscope.app.live.readouts import worn_glove
 from handscope.app.live.station import Station
 from handscope.app.live.stations import Stations
 from handscope.app.live.wizard import machine as wizard_machine
@@ -209,7 +210,7 @@ def test_the_next_pose_alone_takes_the_angles_of_a_photograph(
 
     monkeypatch.setattr(station.tracking, "calibrate", calibrate)
     details = {"index_mcp_deviation_deg": 4.0, "index_mcp_deviation_sd_deg": 0.6}
-    station.take_measured_pose(details)
+    station.measured_pose.use_photograph(details)
     for count in (1, 2):
         station._wizard = replace(station._wizard, state=State.POSE_WORK)
         station._carry_out([Calibrate(10.0, 13.0)], READY)
@@ -229,7 +230,7 @@ def test_a_photograph_that_comes_while_a_pose_is_computed_is_the_next_poses(
 
     def calibrate(pose: initial_pose.Pose) -> Calibration:
         if not taken:
-            station.take_measured_pose(details)
+            station.measured_pose.use_photograph(details)
         taken.append(pose)
         return calibration
 
@@ -329,7 +330,7 @@ def test_how_well_the_pose_fits_counts_the_angles_of_a_photograph(station: Stati
     station.glove.assembler.mounting |= recording.mounting
     grades = []
     for measured in ({}, {"index_mcp_flexion_deg": 40.0}):
-        station.take_measured_pose(measured)
+        station.measured_pose.use_photograph(measured)
         station._wizard = replace(station._wizard, state=State.POSE_READY)
         station._tick()
         fitted = {row["part"]: row for row in station.snapshot()["pose_fit"]}

@@ -115,3 +115,18 @@ def test_a_row_begins_anew_where_nothing_says_that_it_goes_on(three_poses: Simul
     wrong = [replace(e, details={**e.details, "repetition": "x"}) for e in three_poses.events]
     with pytest.raises(InputError, match="repetition"):
         calibrate(EKF.Params(), replace(three_poses, events=tuple(wrong)))
+
+
+def test_a_row_begins_anew_where_a_joint_was_measured_to_be_flexed_otherwise(
+    three_poses: Simulated,
+) -> None:
+    """Else half of a contracture that was entered after the first pose would count."""
+    number, events = 0, []
+    for event in repeated(three_poses).events:
+        if event.trial_type == "initial_pose":
+            number += 1
+            measured = {"index_pip_flexion_deg": 20.0} if number > 1 else {}
+            event = replace(event, details={**event.details, **measured})
+        events.append(event)
+    found, _ = calibrate(EKF.Params(), replace(three_poses, events=tuple(events)))
+    assert [bool(c.pose_sd) for c in found] == [False, False, True]

@@ -40,6 +40,15 @@ def read_status(glove: Glove, tracking: Tracking, hand: Hand) -> StationStatus:
     )
 
 
+def problem_sentence(glove: Glove, hand: Hand, calibrated: int) -> str:
+    """Why this glove cannot be used; empty where it can."""
+    return (
+        foreign_bytes_sentence(glove)
+        or wrong_hand_sentence(glove, hand)
+        or other_glove_sentence(glove, calibrated)
+    )
+
+
 def foreign_bytes_sentence(glove: Glove) -> str:
     """Whether something else than a glove is at the port; empty where not."""
     if not glove.is_foreign:
