@@ -25,7 +25,7 @@ MARGIN = 1.2  # of the log ratio of all joints together: skin alone lets another
 EXPLAINED = 4.0  # times their noise that joints leave after the exchange: of what leaves more, it is not the cause
 BEYOND = 8.0  # weight of a window that skin does not explain, even where sensors that change places turn alike
 FALSE_ALARM = 2e-4  # of the distances along all fingers of one recording, as of every family of check_neighbours.py
-APART_SD = 0.004  # m, of the distance of neighbouring sensors from the declared; more where other fingers show it
+SPACING_SD = 0.004  # m, of the distance of neighbouring sensors from the declared; more where other fingers show it
 KNOWN = 0.005  # m, standard deviation by movement up to which a distance is known
 LEAST_OTHERS = 4  # distances of other fingers that tell the errors
 FITS = 0.01  # probability from which on an order is compatible with the distances
@@ -126,8 +126,8 @@ def _order_tests(
     """Every other order along a finger: the probability of such distances in the declared order, and in this one."""
     mine, chain = along[finger], CHAINS[finger]
     others = [d for f, d in along.items() if f != finger]
-    wrong = [(d.found - d.declared) / np.hypot(d.sd, APART_SD) for d in others]
-    errors, sd = np.concatenate([np.zeros(0), *wrong]), np.hypot(mine.sd, APART_SD)
+    wrong = [(d.found - d.declared) / np.hypot(d.sd, SPACING_SD) for d in others]
+    errors, sd = np.concatenate([np.zeros(0), *wrong]), np.hypot(mine.sd, SPACING_SD)
     if len(errors) < LEAST_OTHERS or mine.sd.max() > KNOWN:
         return
     own = (mine.found - mine.declared) / sd
