@@ -19,7 +19,6 @@ from handscope.app.auth.roles import CLINICIAN, SCIENTIST, RequesterDep, require
 from handscope.app.devices import ports
 from handscope.app.devices.named_hand import named_hand
 from handscope.app.language import Language
-from handscope.app.live.measured_pose import HINGED
 from handscope.app.live.readouts.trial_review import localised_review
 from handscope.app.live.replay import Replay
 from handscope.app.live.station import Station
@@ -37,6 +36,7 @@ from handscope.app.state import (
     visible,
 )
 from handscope.estimators.errors import InputError
+from handscope.estimators.hand.anatomy import HINGES
 from handscope.estimators.messages.sentence import phrase
 from handscope.sessions.store import records
 from handscope.sessions.tables_io import tracker_places
@@ -67,7 +67,7 @@ class StiffJoints(Incoming):
     """Joints that cannot be straightened."""
 
     angles: dict[str, float] = Field(
-        max_length=len(HINGED),
+        max_length=len(HINGES),
         description="flexion by joint as a goniometer shows it, deg; hyperextension is negative",
     )
 

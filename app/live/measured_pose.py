@@ -6,14 +6,13 @@ from typing import Any
 from handscope.estimators.alignment.initial_pose import BEYOND_LIMITS, DEG
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.errors import InputError
-from handscope.estimators.hand.anatomy import FLEXION, JOINT, JOINTS, LIMITS
+from handscope.estimators.hand.anatomy import FLEXION, HINGES, JOINT, LIMITS
 from handscope.estimators.messages.sentence import codes_of
 from handscope.estimators.recording_checks.pose_gravity import BENT_IN_POSE
 
 # of a joint's flexion, deg. Standard errors of measurement: 2.4 to 4.9 deg by novices (Macionis 2013,
 # BMC Musculoskelet Disord 14:17), 4 to 11 deg at retest (Reissner 2019, J Orthop Surg Res 14:173)
 GONIOMETER_SD = 5.0
-HINGED = tuple(j.name for j in JOINTS if j.name not in ("wrist", "thumb_cmc"))
 
 
 class MeasuredPose:
@@ -46,7 +45,7 @@ class MeasuredPose:
         """A pose was stored with these details; angles of a photograph that arrived meanwhile are kept for the next."""
         if self._photograph.items() <= details.items():
             self._photograph = {}
-        self._counted = {j: details[_column(j)] for j in HINGED if _column(j) in details}
+        self._counted = {j: details[_column(j)] for j in HINGES if _column(j) in details}
 
     def to_json(self, calibration: Calibration | None) -> dict[str, Any]:
         """The joints that were entered, deg, whether the newest pose still lacks them, and whether its calibration asks about joints that it had bent."""
@@ -65,8 +64,8 @@ def _column(joint: str) -> str:
 
 
 def _require_possible(joint: str, flexion: float) -> None:
-    if joint not in HINGED:
-        raise InputError("live.stiff_joint_unknown", joint=joint, joints=", ".join(HINGED))
+    if joint not in HINGES:
+        raise InputError("live.stiff_joint_unknown", joint=joint, joints=", ".join(HINGES))
     low, high = LIMITS[JOINT[joint], FLEXION] + (-BEYOND_LIMITS, BEYOND_LIMITS)
     if not low <= flexion * DEG <= high:
         least, most = round(low / DEG), round(high / DEG)

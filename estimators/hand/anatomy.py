@@ -89,6 +89,8 @@ JOINTS: tuple[Joint, ...] = (
     ),
 )
 JOINT = {joint.name: k for k, joint in enumerate(JOINTS)}
+# joints that bend about one axis alone, or hardly sideways: of the fingers all, of the thumb all but the first
+HINGES = tuple(joint.name for joint in JOINTS if joint.name not in ("wrist", "thumb_cmc"))
 PARENTS = np.array([SEGMENT[joint.parent] for joint in JOINTS])
 CHILDREN = np.array([SEGMENT[joint.child] for joint in JOINTS])
 IS_DOF = np.array([[a in joint.limits for a in range(3)] for joint in JOINTS])

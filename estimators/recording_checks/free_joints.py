@@ -27,6 +27,7 @@ from handscope.estimators.hand.anatomy import (
     ANGLES,
     CHAINS,
     FLEXION,
+    HINGES,
     IS_DOF,
     JOINTS,
     LIMITS,
@@ -40,7 +41,6 @@ from handscope.estimators.pipeline.run import run
 from handscope.estimators.recording_checks.anatomy import check_anatomy
 from handscope.estimators.recording_checks.finger_order import UNSURE, check_order
 
-HINGES = tuple(j.name for j in JOINTS if not j.name.startswith(("wrist", "thumb_cmc")))
 BEYOND = np.radians(15.0)  # of flexion: skin, mounting and a pose that is 5 deg off leave up to 8
 SIDEWAYS = np.radians(
     40.0

@@ -1,6 +1,6 @@
 /** The photograph with its landmarks, to be dragged to their places: by pointer, or by the arrow keys. */
 import { h, s } from "../dom.js";
-import { jointWords } from "../words/clinical.js";
+import { wholeJoint } from "../words/clinical.js";
 import { t } from "../words/words.js";
 
 const KEYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
@@ -120,5 +120,5 @@ function words(name) {
   const [part, piece] = name.split(/_(?=[^_]*$)/);
   if (piece === "tip") return t("landmarks.tip", { finger: t(`finger.${part}`) });
   if (part === "wrist" || part === "forearm") return t(`landmarks.${name}`);
-  return Object.values(jointWords(name)).join(" ");
+  return wholeJoint(name);
 }

@@ -1,6 +1,6 @@
 /** What a photograph told, with standard deviations. */
 import { h } from "../dom.js";
-import { directionWords, jointWords, segmentWords } from "../words/clinical.js";
+import { directionWords, segmentWords, wholeJoint } from "../words/clinical.js";
 import { decimal, t } from "../words/words.js";
 
 const DEVIATION = /^(.*)_deviation$/;
@@ -35,5 +35,5 @@ function direction(what, value) {
 function words(what) {
   if (what === "hand") return t("photograph.palm");
   const joint = what.match(DEVIATION)?.[1];
-  return joint ? t("photograph.deviation", { joint: Object.values(jointWords(joint)).join(" ").trim() }) : segmentWords(what);
+  return joint ? t("photograph.deviation", { joint: wholeJoint(joint) }) : segmentWords(what);
 }

@@ -2,7 +2,7 @@
 import { h, hide, whenChanged } from "../dom.js";
 import { progressBar } from "../progress_bar.js";
 import { foundTables } from "../self_calibration_tables.js";
-import { jointWords } from "../words/clinical.js";
+import { wholeJoint } from "../words/clinical.js";
 import { t } from "../words/words.js";
 import { FINGER_ROWS } from "./joint_rows.js";
 
@@ -50,7 +50,7 @@ export function mount(root, api, { station }) {
 /** Joints that were not moved enough, the one that lacks most first, in clinical words. */
 export function notEnough(joints) {
   const few = joints.filter((joint) => joint.share < ENOUGH).sort((a, b) => a.share - b.share);
-  return few.map((joint) => nameOf(joint.joint));
+  return few.map((joint) => wholeJoint(joint.joint));
 }
 
 function row(finger, names, seen) {
@@ -59,10 +59,9 @@ function row(finger, names, seen) {
 }
 
 function gauge({ joint, share, excursion_deg, length_mm }) {
-  const words = t("free.joint", { joint: nameOf(joint), share: Math.round(100 * share), bent: excursion_deg, length: length_mm });
+  const words = t("free.joint", { joint: wholeJoint(joint), share: Math.round(100 * share), bent: excursion_deg, length: length_mm });
   const bar = h("meter", { min: 0, max: 1, low: LITTLE / 2, high: LITTLE, optimum: 1, "aria-label": words, title: words });
   bar.value = share;
   return bar;
 }
 
-const nameOf = (joint) => Object.values(jointWords(joint)).join(" ").trim();

@@ -1,6 +1,6 @@
 /** How good the calibration is for each joint: a word and a colour by joint, and why where it is not good. */
 import { h, whenChanged } from "../dom.js";
-import { jointWords, segmentWords } from "../words/clinical.js";
+import { segmentWords, wholeJoint } from "../words/clinical.js";
 import { labelled } from "../words/joined.js";
 import { t } from "../words/words.js";
 import { HAND_ROWS } from "./joint_rows.js";
@@ -60,7 +60,7 @@ function reasons(joints) {
   for (const { joint, grade, reason, segment, deg } of joints) {
     if (!reason || grade === "good") continue;
     const words = t(`joints.why.${reason}`, { part: segmentWords(segment), deg });
-    jointsByReason.set(words, [...(jointsByReason.get(words) ?? []), Object.values(jointWords(joint)).join(" ").trim()]);
+    jointsByReason.set(words, [...(jointsByReason.get(words) ?? []), wholeJoint(joint)]);
   }
   return [...jointsByReason].map(([words, names]) => (names.length > 4 ? words : labelled(names.join(", "), words)));
 }

@@ -2,19 +2,16 @@
 import { h, whenChanged } from "../dom.js";
 import { errorBox, field, once, onSubmit, select } from "../forms.js";
 import { FINGER_ROWS } from "./joint_rows.js";
-import { angleWords, jointWords } from "../words/clinical.js";
+import { angleWords, wholeJoint } from "../words/clinical.js";
 import { labelled } from "../words/joined.js";
 import { t } from "../words/words.js";
 
 const SHOWN = ["pose_ready", "pose_review"];
 const HINGED = FINGER_ROWS.flatMap(([, joints]) => joints).filter((joint) => joint !== "thumb_cmc");
 
-/** @param {string} joint */
-const words = (joint) => Object.values(jointWords(joint)).join(" ");
-
 export function mount(root, api, { station }) {
   const box = errorBox();
-  const joint = select([["", t("stiff.choose")], ...HINGED.map((name) => [name, words(name)])], "", { name: "stiff-joint" });
+  const joint = select([["", t("stiff.choose")], ...HINGED.map((name) => [name, wholeJoint(name)])], "", { name: "stiff-joint" });
   const flexion = h("input", { type: "number", step: 1, name: "stiff-flexion" });
   const add = h("button", { type: "submit" }, t("stiff.add"));
   const form = h("form", { class: "buttons", novalidate: true }, field(t("stiff.joint"), joint), field(t("stiff.flexion"), flexion), add);
@@ -41,9 +38,9 @@ export function mount(root, api, { station }) {
       joint.focus();
     };
     const press = () => once(button, box, remove);
-    const label = t("stiff.remove.joint", { joint: words(name) });
+    const label = t("stiff.remove.joint", { joint: wholeJoint(name) });
     const button = h("button", { type: "button", class: "plain", "aria-label": label, onclick: press }, t("stiff.remove"));
-    return h("li", {}, labelled(words(name), angleWords(name, "flexion", degrees)), " ", button);
+    return h("li", {}, labelled(wholeJoint(name), angleWords(name, "flexion", degrees)), " ", button);
   }
 
   const drawRows = whenChanged(

@@ -18,9 +18,8 @@ export function jointWords(joint) {
 }
 
 /** "index_pip" as "Index finger PIP". */
-function jointInWords(name) {
-  const { finger, joint } = jointWords(name);
-  return `${finger} ${joint}`;
+export function wholeJoint(name) {
+  return Object.values(jointWords(name)).join(" ").trim();
 }
 
 /** A strip, or the stream of its samples, by its name in recordings. */
@@ -46,7 +45,7 @@ export function segmentWords(segment) {
 
 /** A sentence that names sensors and joints as files do, in the words that people use: "index_distal" is "Index finger, end segment". */
 export function inWords(sentence) {
-  const named = sentence.replace(SEGMENT, segmentWords).replace(JOINT, (joint) => jointInWords(joint));
+  const named = sentence.replace(SEGMENT, segmentWords).replace(JOINT, (joint) => wholeJoint(joint));
   const words = unitSigns(named);
   return words.charAt(0).toUpperCase() + words.slice(1);
 }

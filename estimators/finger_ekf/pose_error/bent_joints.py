@@ -24,6 +24,7 @@ from handscope.estimators.hand import forward_kinematics, joint_angles
 from handscope.estimators.hand.anatomy import (
     FINGERS,
     FLEXION,
+    HINGES,
     JOINT,
     JOINTS,
     SEGMENT,
@@ -38,7 +39,7 @@ SURE = np.log(20.0)  # how much likelier than the best explanation without a ben
 SCALES = 2.0 ** np.arange(-2.0, 2.01, 0.5)  # of the misalignments against the option
 POSE_SCALES = 2.0 ** np.arange(-1.0, 2.01, 0.5)  # of the pose's errors against the option
 MOST = 8  # explanations that a pose may have
-HINGED = tuple(j for j, joint in enumerate(JOINTS) if joint.name not in ("wrist", "thumb_cmc"))
+HINGED = tuple(JOINT[j] for j in HINGES)
 LONG = FINGERS[1:]
 LEVELS = (("mcp",), ("pip",), ("dip",), ("pip", "dip"), ("mcp", "pip", "dip"))
 TOGETHER = [[JOINT[f"{f}_{level}"] for f in LONG for level in levels] for levels in LEVELS] + [

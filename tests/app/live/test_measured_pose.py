@@ -7,14 +7,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from handscope.app.live.measured_pose import GONIOMETER_SD, HINGED
+from handscope.app.live.measured_pose import GONIOMETER_SD
 from handscope.app.live.station import Station
 from handscope.app.live.wizard.effects import Calibrate
 from handscope.app.live.wizard.machine import State
 from handscope.estimators.data.samples import Event
 from handscope.estimators.errors import InputError
 from handscope.estimators.finger_ekf.pose_error.bent_joints import HINGED as ASKED
-from handscope.estimators.hand.anatomy import FLEXION, JOINT, JOINTS
+from handscope.estimators.hand.anatomy import FLEXION, HINGES, JOINT, JOINTS
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.simulation.movements import task_performance
 from handscope.estimators.simulation.movements.task_performance import flat, make_posture
@@ -89,7 +89,7 @@ def test_joints_that_were_measured_are_asked_about_no_more_and_right_in_every_po
 def test_joints_are_those_that_a_pose_asks_about_and_nothing_else_is_taken(
     station: Station,  # noqa: F811
 ) -> None:
-    assert tuple(JOINTS[j].name for j in ASKED) == HINGED
+    assert tuple(JOINTS[j].name for j in ASKED) == HINGES
     with pytest.raises(InputError):
         station.measured_pose.use_goniometer({"ring_pip": 40.0, "little_pip": float("nan")})
     assert station.measured_pose.columns() == {}
