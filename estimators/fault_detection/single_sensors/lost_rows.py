@@ -9,6 +9,7 @@ Limits  streams slower than LEAST_RATE are not asked; what is lost while the han
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,8 +116,8 @@ def losses_of(block: Block) -> list[Loss]:
     for k in peaks[:LEAVE]:
         p = float(min(1.0, len(tail) * np.exp(-(jump[k] - begin) / slope)))
         if p < FALSE_ALARMS and _is_sharp(block, int(k)):
-            turns, usual = _gravity_turns(block, int(k))
-            if turns is not None and _is_elsewhere(turns, usual):
+            turns = _turns_at(block, int(k), period)
+            if turns is not None and _is_elsewhere(turns, _usual_turns(block, int(k), period)):
                 found.append(Loss(float(block.t[k]), turns.seconds, p))
     found += [s for s in stepping if all(abs(s.t - f.t) > NEAR for f in found)]
     return sorted(found, key=lambda loss: loss.t)
@@ -127,10 +128,9 @@ def _unlike_movement(block: Block, period: float) -> list[Loss]:
     if period > 1.0 / STEPS_RATE:
         return []
     gyr, step, sharp = block.of(GYR), *_sharpness(block.of(GYR))
-    forces = np.linalg.norm(np.diff(block.of(ACC), axis=0), axis=-1)
-    changes = np.lib.stride_tricks.sliding_window_view(forces, 2 * NEXT + 1, axis=0)
-    beside = np.maximum(changes[..., NEXT - 1], changes[..., NEXT + 1])
-    usual = changes[..., [0, 1, 2 * NEXT - 1, 2 * NEXT]].max(axis=-1)
+    changes = _around(np.linalg.norm(np.diff(block.of(ACC), axis=0), axis=-1))
+    beside = np.maximum(changes[NEXT - 1], changes[NEXT + 1])
+    usual = reduce(np.maximum, [*changes[: NEXT - 1], *changes[NEXT + 2 :]])
     stopped = beside - usual > np.maximum(LEAST_STOP, LEVER * step / period)
     with np.errstate(invalid="ignore"):
         steps = np.where((step > LEAST_STEP) & ~stopped, sharp, 0.0)
@@ -143,7 +143,7 @@ def _unlike_movement(block: Block, period: float) -> list[Loss]:
     few = np.where(most & (regular < 1.5 * period), few, 0.0)
     found = []
     for k in _peaks(few, max(1, round(NEAR / period)))[:LEAVE]:
-        turns, _ = _gravity_turns(block, int(rows[k])) if few[k] > SURELY else (None, [])
+        turns = _turns_at(block, int(rows[k]), period) if few[k] > SURELY else None
         if turns is not None:
             found.append(Loss(float(block.t[rows[k]]), turns.seconds, RARE))
     return found
@@ -151,11 +151,15 @@ def _unlike_movement(block: Block, period: float) -> list[Loss]:
 
 def _sharpness(rates: Array) -> tuple[Array, Array]:
     """How far rates (n, S, 3) step (n - 2 NEXT - 1, S) from row NEXT on to the next, and how many times the largest step within NEXT rows; 0 where one is missing."""
-    steps = np.linalg.norm(np.diff(rates, axis=0), axis=-1)
-    windows = np.lib.stride_tricks.sliding_window_view(steps, 2 * NEXT + 1, axis=0)
-    beside = np.delete(windows, NEXT, axis=-1).max(axis=-1)
-    step = windows[..., NEXT]
+    steps = _around(np.linalg.norm(np.diff(rates, axis=0), axis=-1))
+    step, beside = steps[NEXT], reduce(np.maximum, [*steps[:NEXT], *steps[NEXT + 1 :]])
     return np.nan_to_num(step), np.nan_to_num(step / np.maximum(beside, 1e-9))
+
+
+def _around(steps: Array) -> list[Array]:
+    """Steps (n, S) within NEXT rows before and behind each, one view (n - 2 NEXT, S) a row."""
+    count = max(len(steps) - 2 * NEXT, 0)
+    return [steps[k : k + count] for k in range(2 * NEXT + 1)]
 
 
 def _jumps(block: Block) -> Array:
@@ -194,21 +198,22 @@ def _is_sharp(block: Block, row: int) -> bool:
     return bool(np.any(np.quantile(_sharpness(rates)[1], 0.75, axis=1) > SHARP))
 
 
-def _gravity_turns(block: Block, row: int) -> tuple[_Turns | None, list[_Turns]]:
-    """How gravity has turned behind a row against before, and what it does elsewhere."""
-    rate = 1.0 / float(np.median(np.diff(block.t)))
-    n = max(3, round(BESIDE * rate))
+def _usual_turns(block: Block, row: int, period: float) -> list[_Turns]:
+    """How gravity turns elsewhere than at a row."""
+    n = _rows_beside(1.0 / period)
     places = np.linspace(n, len(block.t) - n - 1, 60).astype(int)
-    usual = [
-        turns
-        for k in places
-        if abs(k - row) > 2 * n and (turns := _turns_at(block, int(k), n, rate)) is not None
-    ]
-    return _turns_at(block, row, n, rate), usual
+    far = (int(k) for k in places if abs(k - row) > 2 * n)
+    return [turns for k in far if (turns := _turns_at(block, k, period)) is not None]
 
 
-def _turns_at(block: Block, row: int, n: int, rate: float) -> _Turns | None:
-    """Turns of gravity from n rows before to n rows behind in the frame at a row, and the time that the rates there take for them."""
+def _rows_beside(rate: float) -> int:
+    return max(3, round(BESIDE * rate))
+
+
+def _turns_at(block: Block, row: int, period: float) -> _Turns | None:
+    """Turns of gravity from before a row to behind it in the frame there, and the time that the rates there take for them."""
+    rate = 1.0 / period
+    n = _rows_beside(rate)
     rows = slice(row - n + 1, row + n + 1)
     gyr, acc = block.of(GYR)[rows], block.of(ACC)[rows]
     if row - n + 1 < 0 or len(gyr) < 2 * n:
