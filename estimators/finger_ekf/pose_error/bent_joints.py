@@ -11,14 +11,13 @@ Limits  first order in the angles. One last joint that is bent looks like its se
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import product
 
 import numpy as np
 
 from handscope.estimators.alignment.initial_pose import PoseErrorParams
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.finger_ekf.pose_error import pose_inference
-from handscope.estimators.finger_ekf.pose_error.pose_inference import MOUNTINGS, Seen
+from handscope.estimators.finger_ekf.pose_error.pose_inference import MOUNTINGS, Asked, Seen
 from handscope.estimators.finger_ekf.sensor_to_segment import SensorToSegmentParams
 from handscope.estimators.hand import forward_kinematics, joint_angles
 from handscope.estimators.hand.anatomy import (
@@ -65,10 +64,9 @@ def find(params: SensorToSegmentParams, calibration: Calibration) -> tuple[BentJ
     seen = pose_inference.gravity_seen(calibration, pose_inference.segments_on_hand(calibration))
     pose_sd = pose_inference.pose_angles_sd(params, calibration)
     measured = ~np.isnan(pose_inference.measured_pose_sd(calibration))
-    arrays = (seen.up, seen.residual, seen.H, pose_sd, measured)
-    sizes = np.radians([params.misalignment, params.angle_sd])
+    mounting_sd, gravity_sd = map(float, np.radians([params.misalignment, params.angle_sd]))
     worn = tuple(SEGMENT[s] for s in calibration.q_GS if s != "forearm")
-    return _found(*(a.tobytes() for a in arrays), *map(float, sizes), worn)
+    return _found(Asked.of(seen, pose_sd, measured), mounting_sd, gravity_sd, worn)
 
 
 def with_bent(calibration: Calibration, bent: Sequence[BentJoint]) -> Calibration:
@@ -97,23 +95,10 @@ def pose_angles_sd(
 
 @lru_cache(maxsize=8)
 def _found(
-    up: bytes,
-    residual: bytes,
-    H: bytes,
-    pose_sd: bytes,
-    measured: bytes,
-    mounting_sd: float,
-    gravity_sd: float,
-    worn: tuple[int, ...],
+    pose: Asked, mounting_sd: float, gravity_sd: float, worn: tuple[int, ...]
 ) -> tuple[BentJoint, ...]:
-    """Kept by the content of the arrays: method, standard deviations and checks ask alike."""
-    seen = Seen(
-        np.frombuffer(up),
-        np.frombuffer(residual),
-        np.frombuffer(H).reshape(-1, 3 + pose_inference.SIZE),
-    )
-    angles_sd = np.frombuffer(pose_sd).reshape(-1, 3)
-    known = np.frombuffer(measured, bool).reshape(-1, 3)
+    """Kept: method, standard deviations and checks ask alike."""
+    seen, angles_sd, known = pose.arrays
     asked = [j for j in HINGED if _is_between(j, worn) and not known[j, FLEXION]]
     evidence = _Evidence.of(seen, mounting_sd, angles_sd, gravity_sd, known, asked, worn)
     turned = [frozenset({len(JOINTS) + s}) for s in worn]
@@ -165,23 +150,18 @@ class _Evidence:
         joints: Sequence[int],
         worn: Sequence[int],
     ) -> "_Evidence":
-        scaled, usual = pose_inference.sizes(mounting_sd, pose_sd, known)
         turned = [3 + 3 * s + axis for s in worn for axis in range(3)]
         at = [3 + MOUNTINGS + 3 * j + FLEXION for j in joints]
         sd = np.repeat([BENT_SD, TURNED_SD], [len(at), len(turned)])
         directions = np.column_stack([seen.H[:, [*at, *turned]] * sd, seen.residual])
         products, logs = [], []
-        for scale, pose_scale in product(SCALES, POSE_SCALES):
-            own = np.where(scaled, pose_scale * usual, usual)
-            own[3 : 3 + MOUNTINGS] *= scale
-            S = (seen.H * own**2) @ seen.H.T + gravity_sd**2 * np.eye(len(seen.H))
+        for pair in pose_inference.sizes(SCALES, POSE_SCALES, mounting_sd, pose_sd, known):
+            S = (seen.H * pair.variance) @ seen.H.T + gravity_sd**2 * np.eye(len(seen.H))
             root = np.linalg.cholesky(S)
             white = np.linalg.solve(root, directions)
             products.append(white.T @ white)
-            prior = (np.log(scale) / pose_inference.SCALE_SD) ** 2 + (
-                np.log(pose_scale) / pose_inference.POSE_SCALE_SD
-            ) ** 2
-            logs.append(-np.log(np.diag(root)).sum() - 0.5 * (prior + products[-1][-1, -1]))
+            likelihood = -np.log(np.diag(root)).sum() - 0.5 * products[-1][-1, -1]
+            logs.append(likelihood + pair.log_prior)
         columns = {j: [k] for k, j in enumerate(joints)}
         for k, s in enumerate(worn):
             columns[len(JOINTS) + s] = [len(at) + 3 * k + axis for axis in range(3)]

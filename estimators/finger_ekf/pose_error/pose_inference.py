@@ -7,7 +7,7 @@ Source  ours: a linear Gaussian model of gravity in all sensors. Unknown sizes o
 Limits  first order in the angles; gravity tells nothing about turns about the vertical; the pose's size is told by few joints, so the option counts for much
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
@@ -97,26 +97,40 @@ def infer(
     on_hand = segments_on_hand(calibration)
     seen = gravity_seen(calibration, on_hand)
     known = np.zeros(pose_sd.shape, bool) if measured is None else measured
-    arrays = (seen.up, seen.residual, seen.H, pose_sd, known)
-    error, P = posterior(*(a.tobytes() for a in arrays), mounting_sd, gravity_sd)
+    error, P = posterior(Asked.of(seen, pose_sd, known), mounting_sd, gravity_sd)
     up = quat.rotate(quat.exp(error[:3]), seen.up)
     return posed(calibration, on_hand, up, error[3 + MOUNTINGS :].reshape(-1, 3)), P[3:, 3:]
 
 
+@dataclass(frozen=True)
+class Asked:
+    """What is asked of a pose, by the content of its arrays: answers are kept by it."""
+
+    up: bytes
+    residual: bytes
+    H: bytes
+    pose_sd: bytes
+    measured: bytes
+
+    @classmethod
+    def of(cls, seen: Seen, pose_sd: Array, measured: Bools) -> "Asked":
+        return cls(*(a.tobytes() for a in (seen.up, seen.residual, seen.H, pose_sd, measured)))
+
+    @property
+    def arrays(self) -> tuple[Seen, Array, Bools]:
+        """What the sensors see, the standard deviations (joints, 3) of the pose's angles, and which were measured."""
+        up, residual, H, pose_sd = map(
+            np.frombuffer, (self.up, self.residual, self.H, self.pose_sd)
+        )
+        measured = np.frombuffer(self.measured, bool)
+        seen = Seen(up, residual, H.reshape(-1, 3 + SIZE))
+        return seen, pose_sd.reshape(-1, 3), measured.reshape(-1, 3)
+
+
 @lru_cache(maxsize=4)
-def posterior(
-    up: bytes,
-    residual: bytes,
-    H: bytes,
-    pose_sd: bytes,
-    measured: bytes,
-    mounting_sd: float,
-    gravity_sd: float,
-) -> tuple[Array, Array]:
-    """The likeliest errors (3 + SIZE,) and their covariance, kept by the content of the arrays: a recording is processed backwards and forwards from the same pose."""
-    seen = Seen(np.frombuffer(up), np.frombuffer(residual), np.frombuffer(H).reshape(-1, 3 + SIZE))
-    angles_sd = np.frombuffer(pose_sd).reshape(-1, 3)
-    known = np.frombuffer(measured, bool).reshape(-1, 3)
+def posterior(asked: Asked, mounting_sd: float, gravity_sd: float) -> tuple[Array, Array]:
+    """The likeliest errors (3 + SIZE,) and their covariance, kept: a recording is processed backwards and forwards from the same pose."""
+    seen, angles_sd, known = asked.arrays
     fits = _fits(seen, mounting_sd, angles_sd, gravity_sd, known)
     error = _mean([(f.weight, f.mean) for f in fits if f.pose_scale == 1.0])
     P = _mean([(f.weight, f.covariance + np.outer(f.mean - error, f.mean - error)) for f in fits])
@@ -152,29 +166,38 @@ def _fits(
     seen: Seen, mounting_sd: float, pose_sd: Array, gravity_sd: float, measured: Bools | None
 ) -> list[_Fit]:
     """For every pair of sizes that is likely enough, and for all with the option's size of the pose."""
-    scaled, usual = sizes(
-        mounting_sd, pose_sd, np.zeros(pose_sd.shape, bool) if measured is None else measured
-    )
-    scales, variances, logs = [*product(SCALES, POSE_SCALES)], [], []
-    for scale, pose_scale in scales:
-        sd = np.where(scaled, pose_scale * usual, usual)
-        sd[3 : 3 + MOUNTINGS] *= scale
-        prior = (np.log(scale) / SCALE_SD) ** 2 + (np.log(pose_scale) / POSE_SCALE_SD) ** 2
-        variances.append(sd**2)
-        logs.append(_log_likelihood(seen, sd**2, gravity_sd) - 0.5 * prior)
-    weights = np.exp(np.array(logs) - max(logs))
+    known = np.zeros(pose_sd.shape, bool) if measured is None else measured
+    pairs = [*sizes(SCALES, POSE_SCALES, mounting_sd, pose_sd, known)]
+    logs = np.array([_log_likelihood(seen, p.variance, gravity_sd) + p.log_prior for p in pairs])
+    weights = np.exp(logs - logs.max())
     return [
-        _Fit(scales[k][1], weights[k], *_condition(seen, variances[k], gravity_sd))
-        for k in range(len(scales))
-        if weights[k] > UNLIKELY or scales[k][1] == 1.0
+        _Fit(p.pose_scale, weight, *_condition(seen, p.variance, gravity_sd))
+        for p, weight in zip(pairs, weights)
+        if weight > UNLIKELY or p.pose_scale == 1.0
     ]
 
 
-def sizes(mounting_sd: float, pose_sd: Array, measured: Bools) -> tuple[Bools, Array]:
-    """Of the errors (3 + SIZE,) which scale with how exactly a person takes a pose, and their usual standard deviations, rad."""
+@dataclass(frozen=True)
+class Sizes:
+    """One pair of sizes of the misalignments and of the pose's errors."""
+
+    pose_scale: float
+    variance: Array  # (3 + SIZE,) rad^2, of tilt, mountings and angles
+    log_prior: float
+
+
+def sizes(
+    scales: Array, pose_scales: Array, mounting_sd: float, pose_sd: Array, measured: Bools
+) -> Iterator[Sizes]:
+    """Every pair of scales; angles that were measured keep their standard deviation."""
     scaled = np.concatenate([np.zeros(3 + MOUNTINGS, bool), ~measured.ravel()])
     tilt, mountings = np.full(3, HAND_TILT_SD), np.full(MOUNTINGS, mounting_sd)
-    return scaled, np.concatenate([tilt, mountings, pose_sd.ravel()])
+    usual = np.concatenate([tilt, mountings, pose_sd.ravel()])
+    for scale, pose_scale in product(scales, pose_scales):
+        sd = np.where(scaled, pose_scale * usual, usual)
+        sd[3 : 3 + MOUNTINGS] *= scale
+        prior = (np.log(scale) / SCALE_SD) ** 2 + (np.log(pose_scale) / POSE_SCALE_SD) ** 2
+        yield Sizes(float(pose_scale), sd**2, float(-0.5 * prior))
 
 
 def _mean(weighted: Sequence[tuple[float, Array]]) -> Array:
