@@ -266,7 +266,7 @@ class Tracking:
         self, calibration: Calibration, window: list[Block], pose: Pose
     ) -> Calibration:
         """The calibration with the sensors' faults among its warnings."""
-        still = replace(pose, onset=calibration.t, duration=calibration.end - calibration.t)
+        still = initial_pose.calibrated_part(pose, calibration)
         # the whole window: sensors that stood still while others moved
         findings = fault_detection.check(measured(window), (calibration.t, calibration.end))
         broken = {f.sensor for f in findings if f.severity == "fault"}

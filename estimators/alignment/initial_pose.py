@@ -144,6 +144,11 @@ class Pose:
         return self.onset + self.duration
 
 
+def calibrated_part(pose: Pose, calibration: Calibration) -> Pose:
+    """The pose as long as its calibration was taken from it: the stillest stretch."""
+    return replace(pose, onset=calibration.t, duration=calibration.end - calibration.t)
+
+
 def pose_of(event: Event) -> Pose:
     """The pose that an `initial_pose` event describes (docs/motion-bids.md)."""
     known = {joint.name: _known_angles(event, joint, "deg", 0.0) for joint in JOINTS}

@@ -15,9 +15,8 @@ GRADES: tuple[Grade, ...] = ("good", "fair", "poor")
 TRUSTED = 0.02  # share of flagged samples up to which a figure counts as good
 USABLE = 0.20  # and up to which as fair
 ONE_PERCENT = 0.01  # a smaller share is said to be less
-WIDE, TOO_WIDE = np.radians(
-    [10.0, 20.0]
-)  # rad, standard deviation of an angle that is not good any more, and that is poor
+# rad, standard deviation of an angle that is not good any more, and that is poor
+WIDE, TOO_WIDE = np.radians([10.0, 20.0])
 WRONG = np.uint8(Flag.FAULTY | Flag.DOUBTFUL)  # never good, however short
 
 

@@ -2,7 +2,7 @@
 method."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -230,11 +230,8 @@ def findings_of(recording: Recording, calibrations: Sequence[Calibration]) -> tu
         return tuple(fault_detection.check(raw, (0.0, 0.0)))
     found = fault_detection.check(raw, (poses[0].t, poses[0].end))
     broken = {f.sensor for f in found if f.severity == "fault" and f.kind != "magnetometer"}
-    pose = replace(
-        initial_pose.pose_of(initial_poses(recording.events)[0]),
-        onset=poses[0].t,
-        duration=poses[0].end - poses[0].t,
-    )
+    taken = initial_pose.pose_of(initial_poses(recording.events)[0])
+    pose = initial_pose.calibrated_part(taken, poses[0])
     # mounting known from movements
     mounting = {
         **recording.mounting,

@@ -39,11 +39,8 @@ def _other_hand(recording: Recording, poses: Sequence[Calibration]) -> list[Susp
     """What the thumb shows in the first pose: that the other hand was measured."""
     if not poses:
         return []
-    pose = replace(
-        initial_pose.pose_of(initial_poses(recording.events)[0]),
-        onset=poses[0].t,
-        duration=poses[0].end - poses[0].t,
-    )
+    taken = initial_pose.pose_of(initial_poses(recording.events)[0])
+    pose = initial_pose.calibrated_part(taken, poses[0])
     inertial = [b for b in whole_of(recording) if b.stream.inertial]
     if not mounting_checks.is_other_hands_thumb(inertial, recording.mounting, pose):
         return []

@@ -60,8 +60,11 @@ FALSE_ALARM = 2e-4  # of each family of tests in one recording: nine of them, th
 BEHIND = (0.5, -0.5)
 FEW = 12  # windows by which these are told from readings of one instant ...
 LITTLE = 0.1  # ... if joints leave more than about a tenth of the noise
-# the third by knuckles alone, of which so many may be those of fingers in which something is wrong
-WHOLE_HAND, MOST_WRONG = ("hand.other", "geometry.other_hand", "hand.mirrored"), 1
+WHOLE_HAND = {"hand.other", "geometry.other_hand"}  # whatever is wrong with a finger
+MIRRORED, MOST_WRONG = (
+    "hand.mirrored",
+    1,
+)  # by knuckles, so many of which may be those of fingers in which something is wrong
 OF_HAND = 1e-5  # the same of the declared hand: how far people's knuckles lie from the declared is known roughly
 
 
@@ -298,13 +301,15 @@ def check(
     wrong = {_limb(s) for t in suspicions for s in t.sensors}
     of_hand = check_hand(blocks, hand, geometry, mounting, calibrations, events, pairs)
     if wrong:  # what is wrong with a finger moves its knuckle, too
-        whole = WHOLE_HAND if len(wrong & {*FINGERS[1:]}) <= MOST_WRONG else WHOLE_HAND[:2]
+        whole = WHOLE_HAND | ({MIRRORED} if len(wrong & {*FINGERS[1:]}) <= MOST_WRONG else set())
         of_hand = [
             t
             for t in of_hand
             if t.message.code in whole or not wrong & {_limb(s) for s in t.sensors}
         ]
-    if any(t.message.code in WHOLE_HAND for t in of_hand):  # as the thumb's joints lie elsewhere
+    if any(
+        t.message.code in WHOLE_HAND | {MIRRORED} for t in of_hand
+    ):  # as the thumb's joints lie elsewhere
         suspicions = [t for t in suspicions if {_limb(s) for s in t.sensors} != {"thumb"}]
     return suspicions + of_hand
 
