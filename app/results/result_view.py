@@ -29,7 +29,11 @@ from handscope.app.report.units import DEG, TAPPING_ROWS, places_of, reading
 from handscope.app.report.words import calibration_words, figure_words
 from handscope.app.results.hand_history import resembles_other_hand
 from handscope.app.results.headlines import FOLDED, finger_rows, headlines, joint_deficits
-from handscope.app.results.leading_findings import faulty_sensors, leading_findings
+from handscope.app.results.leading_findings import (
+    faulty_sensors,
+    leading_findings,
+    questions,
+)
 from handscope.app.results.trust import judge_trust, trust_payload
 from handscope.estimators.measures import MEASURES
 from handscope.estimators.measures.assessment import TaskResult
@@ -129,11 +133,12 @@ def _trust(
     drifts = [Drift(**d) for d in content.get("drift", ())]
     measured = [(f["task"], f["measure"], _stored_figure(f)) for f in figures]
     asks_hand = resembles_other_hand(measured, changes, compared)
-    found = judge_trust(rows, calibrated, edition, drifts, asks_hand, faulty_sensors(warnings))
+    asked, faulty = questions(warnings), faulty_sensors(warnings)
+    found = judge_trust(rows, calibrated, edition, drifts, asks_hand, faulty, bool(asked))
     untested = content.get("untested") or {}
-    leading = leading_findings(found, warnings)
     return trust_payload(found, titles, language, edition, untested) | {
-        "findings": [language.translate(text) for text in leading]
+        "questions": [language.translate(text) for text in asked],
+        "findings": [language.translate(text) for text in leading_findings(found, warnings)],
     }
 
 
