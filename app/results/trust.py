@@ -82,15 +82,15 @@ def judge_trust(
     asks_pose: bool = False,
 ) -> Trust:
     """By the figures of a result, each with its task's name, and by what drifts at rest; `asks_hand` where it looks like the other hand's (hand_history.py), `faulty` segments whose sensor is, `asks_pose` where joints were bent in the initial pose."""
-    alike: dict[tuple[str, str], list[Figure]] = {}
+    by_cause: dict[tuple[str, str], list[Figure]] = {}
     for task, figure in rows:
         if figure.grade != "good":
-            alike.setdefault((task, _cause(figure.reason)), []).append(figure)
+            by_cause.setdefault((task, _cause(figure.reason)), []).append(figure)
     poor = sum(figure.grade == "poor" for _, figure in rows)
     good = sum(figure.grade == "good" for _, figure in rows)
     beyond = [Doubt(task, "", 1, f) for task, f in rows if _is_beyond(task, f, edition)]
     doubts = [
-        *(_doubt(task, cause, figures) for (task, cause), figures in alike.items()),
+        *(_doubt(task, cause, figures) for (task, cause), figures in by_cause.items()),
         *beyond,
     ]
     refused = not rows or not calibrated or poor > MOST_POOR * len(rows)

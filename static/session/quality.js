@@ -1,4 +1,4 @@
-/** Whether the numbers can be trusted: answer, questions, why, which sensors and what to do; other messages and the calibration are folded. */
+/** Whether the numbers can be trusted: answer, questions, why, which sensors and what to do; the rest is folded. */
 import { h } from "../dom.js";
 import { inWords, segmentWords } from "../words/clinical.js";
 import { counted, decimal, t } from "../words/words.js";
