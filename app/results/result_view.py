@@ -25,16 +25,16 @@ from handscope.app.report.sections.range_rows import (
 )
 from handscope.app.report.sections.shown_panels import shown_of
 from handscope.app.report.summary import not_done_row
-from handscope.app.report.units import DEG, TAPPING_ROWS, places_of, reading
-from handscope.app.report.words import calibration_words, figure_words
-from handscope.app.results.hand_history import resembles_other_hand
-from handscope.app.results.headlines import FOLDED, finger_rows, headlines, joint_deficits
-from handscope.app.results.leading_findings import (
+from handscope.app.report.trust.judgement import judge_trust, trust_payload
+from handscope.app.report.trust.leading_findings import (
     faulty_sensors,
     leading_findings,
     questions,
 )
-from handscope.app.results.trust import judge_trust, trust_payload
+from handscope.app.report.units import DEG, TAPPING_ROWS, places_of, reading
+from handscope.app.report.words import calibration_words, figure_words
+from handscope.app.results.hand_history import resembles_other_hand
+from handscope.app.results.headlines import FOLDED, finger_rows, headlines, joint_deficits
 from handscope.estimators.measures import MEASURES
 from handscope.estimators.measures.assessment import TaskResult
 from handscope.estimators.measures.figure import Figure
@@ -125,7 +125,7 @@ def _trust(
     edition: Edition | None,
     warnings: Sequence[str],
 ) -> dict[str, Any]:
-    """Whether the figures can be trusted, by the rules of app/results/trust.py, and which sensors lower them."""
+    """Whether the figures can be trusted, by the rules of app/report/trust/judgement.py, and which sensors lower them."""
     rows = [(f["task"], _stored_figure(f)) for f in figures if not f.get("detail")]
     titles = {task: _title({"task": task}, protocols.get(task), language) for task, _ in rows}
     posed = bool((content.get("calibration") or {}).get("quality"))

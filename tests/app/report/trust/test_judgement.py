@@ -6,10 +6,10 @@ import pytest
 
 from handscope.app.language import languages
 from handscope.app.protocols import load_all
-from handscope.app.results.leading_findings import faulty_sensors, leading_findings, questions
+from handscope.app.report.trust.judgement import judge_trust, trust_payload
+from handscope.app.report.trust.leading_findings import faulty_sensors, leading_findings, questions
 from handscope.app.results.make import assess_result, page_content
 from handscope.app.results.result_view import calibration_payload, readings
-from handscope.app.results.trust import judge_trust, trust_payload
 from handscope.estimators.data.samples import Event
 from handscope.estimators.measures.figure import Figure, Grade, Kind
 from handscope.estimators.measures.resting_drift import Drift

@@ -5,7 +5,7 @@ Rule      a fault of a sensor first, then what is doubtful of one, of a strip or
 
 from collections.abc import Sequence
 
-from handscope.app.results.trust import Trust
+from handscope.app.report.trust.judgement import Trust
 from handscope.estimators.messages import Message
 from handscope.estimators.messages.sentence import codes_of, messages_of
 
