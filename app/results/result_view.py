@@ -27,6 +27,7 @@ from handscope.app.report.sections.shown_panels import shown_of
 from handscope.app.report.summary import not_done_row
 from handscope.app.report.trust.judgement import judge_trust, trust_payload
 from handscope.app.report.trust.leading_findings import (
+    bent_joints,
     faulty_sensors,
     leading_findings,
     questions,
@@ -133,11 +134,11 @@ def _trust(
     drifts = [Drift(**d) for d in content.get("drift", ())]
     measured = [(f["task"], f["measure"], _stored_figure(f)) for f in figures]
     asks_hand = resembles_other_hand(measured, changes, compared)
-    asked, faulty = questions(warnings), faulty_sensors(warnings)
-    found = judge_trust(rows, calibrated, edition, drifts, asks_hand, faulty, bool(asked))
+    faulty, bent = faulty_sensors(warnings), bent_joints(warnings)
+    found = judge_trust(rows, calibrated, edition, drifts, asks_hand, faulty, bent)
     untested = content.get("untested") or {}
     return trust_payload(found, titles, language, edition, untested) | {
-        "questions": [language.translate(text) for text in asked],
+        "questions": [language.translate(text) for text in questions(warnings)],
         "findings": [language.translate(text) for text in leading_findings(found, warnings)],
     }
 

@@ -1,4 +1,4 @@
-"""Whether the figures of a result can be trusted: yes, mostly or no, by rules that docs/checks.md states, with reasons and what to do.
+"""Whether the figures of a result can be trusted: yes, mostly or no, by rules that docs/checks.md states, with reasons and what to do; for page and report.
 
 Rules     no: nothing was measured, there is no calibration, or more than MOST_POOR of the figures are graded poor
           mostly: some figure is not graded good, an angle is larger than healthy people reach (norm mean + BEYOND standard deviations),
@@ -69,7 +69,8 @@ class Trust:
         False  # whether the other hand was measured: a question, which changes no answer
     )
     faulty: tuple[str, ...] = ()  # segments whose sensor is
-    asks_pose: bool = False  # whether joints were bent in the initial pose
+    # joints that were bent in the initial pose, with the angle: "ring_pip 37°"
+    bent: tuple[str, ...] = ()
 
 
 def judge_trust(
@@ -79,9 +80,9 @@ def judge_trust(
     drifts: Sequence[Drift] = (),
     asks_hand: bool = False,
     faulty: Sequence[str] = (),
-    asks_pose: bool = False,
+    bent: Sequence[str] = (),
 ) -> Trust:
-    """By the figures of a result, each with its task's name, and by what drifts at rest; `asks_hand` where it looks like the other hand's (hand_history.py), `faulty` segments whose sensor is, `asks_pose` where joints were bent in the initial pose."""
+    """By the figures of a result, each with its task's name, and by what drifts at rest; `asks_hand` where it looks like the other hand's (hand_history.py), `faulty` segments whose sensor is, `bent` joints that were bent in the initial pose."""
     by_cause: dict[tuple[str, str], list[Figure]] = {}
     for task, figure in rows:
         if figure.grade != "good":
@@ -94,7 +95,7 @@ def judge_trust(
         *beyond,
     ]
     refused = not rows or not calibrated or poor > MOST_POOR * len(rows)
-    is_doubted = doubts or drifts or faulty or asks_pose
+    is_doubted = doubts or drifts or faulty or bent
     answer: Answer = "no" if refused else "mostly" if is_doubted else "yes"
     doubts.sort(key=lambda doubt: -doubt.count)
     if not calibrated:
@@ -107,7 +108,7 @@ def judge_trust(
         tuple(drifts),
         asks_hand,
         tuple(faulty),
-        asks_pose,
+        tuple(bent),
     )
 
 
@@ -146,27 +147,49 @@ def trust_payload(
         todo.append(language.say("trust.do.recalibrate"))
     if trust.doubts and not todo:
         todo = [language.say("trust.do.repeat")]
-    listed = [language.say("trust.other_hand")] if trust.asks_hand else []
     todo = ([language.say("trust.do.other_hand")] if trust.asks_hand else []) + todo
+    return {
+        "answer": trust.answer,
+        "words": _answer_words(trust, language),
+        "reasons": _reasons(trust, titles, language, edition),
+        "todo": todo,
+        "untested": list(_untested_words(untested, language)),
+    }
+
+
+def trust_sentences(
+    trust: Trust, titles: Mapping[str, str], language: Language, edition: Edition | None = None
+) -> list[str]:
+    """For a report: the answer and its reasons; of joints that were bent in the pose that they were."""
+    bent = [_bent_words(trust.bent, language)] if trust.bent else []
+    reasons = _reasons(trust, titles, language, edition)
+    return [language.say("trust.question"), _answer_words(trust, language), *bent, *reasons]
+
+
+def _reasons(
+    trust: Trust, titles: Mapping[str, str], language: Language, edition: Edition | None
+) -> list[str]:
+    listed = [language.say("trust.other_hand")] if trust.asks_hand else []
     if trust.faulty:
         parts = language.several(map(language.segment, trust.faulty))
         listed.append(language.say("trust.faulty", parts=parts))
     listed += [_drift_words(d, language) for d in trust.drifts]
     listed += [_doubt_words(d, titles, language, edition) for d in trust.doubts[:NAMED]]
     more = len(trust.doubts) - NAMED
-    return {
-        "answer": trust.answer,
-        "words": _answer_words(trust, language),
-        "reasons": listed + ([language.counted("trust.more", more)] if more > 0 else []),
-        "todo": todo,
-        "untested": list(_untested_words(untested, language)),
-    }
+    return [*listed, *([language.counted("trust.more", more)] if more > 0 else [])]
+
+
+def _bent_words(bent: Sequence[str], language: Language) -> str:
+    """ "ring_pip 37°" as a reader has it."""
+    pairs = (each.split() for each in bent)
+    joints = [f"{' '.join(joint_words(joint, language))} {angle}" for joint, angle in pairs]
+    return language.say("trust.bent", joints=language.several(joints))
 
 
 def _answer_words(trust: Trust, language: Language) -> str:
     if not trust.count:
         return language.say("trust.nothing")
-    is_only_asked = trust.asks_pose and trust.answer == "mostly" and trust.good == trust.count
+    is_only_asked = trust.bent and trust.answer == "mostly" and trust.good == trust.count
     key = "trust.asked" if is_only_asked else f"trust.{trust.answer}"
     return language.counted(key, trust.count, good=language.number(trust.good))
 

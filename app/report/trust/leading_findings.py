@@ -44,6 +44,12 @@ def questions(warnings: Sequence[str]) -> list[str]:
     return [text for text in warnings if codes_of(text) & ASKED][:MOST]
 
 
+def bent_joints(warnings: Sequence[str]) -> list[str]:
+    """Joints that were bent in the initial pose, with the angle: "ring_pip 37°"; each once."""
+    found = [m for text in questions(warnings) for m in messages_of(text) if m.code in ASKED]
+    return list(dict.fromkeys(j for m in found for j in str(m.values["joints"]).split(", ")))
+
+
 def faulty_sensors(warnings: Sequence[str]) -> list[str]:
     """Tracked points whose sensor a message of a fault names, each once."""
     faults = [message for text in warnings for message in messages_of(text) if _is_fault(message)]

@@ -6,8 +6,13 @@ import pytest
 
 from handscope.app.language import languages
 from handscope.app.protocols import load_all
-from handscope.app.report.trust.judgement import judge_trust, trust_payload
-from handscope.app.report.trust.leading_findings import faulty_sensors, leading_findings, questions
+from handscope.app.report.trust.judgement import judge_trust, trust_payload, trust_sentences
+from handscope.app.report.trust.leading_findings import (
+    bent_joints,
+    faulty_sensors,
+    leading_findings,
+    questions,
+)
 from handscope.app.results.make import assess_result, page_content
 from handscope.app.results.result_view import calibration_payload, readings
 from handscope.estimators.data.samples import Event
@@ -176,6 +181,7 @@ DOUBTFUL, OTHERS = (
     )
     for sensors in ("ring_middle", "ring_middle, hand")
 )
+BENT = ["ring_pip 31°"]
 USED = phrase("contacts.used", contacts="thumb on index finger")
 RECORDED = [USED, flagged("thumb_distal", "flag.magnetic"), AT_LIMIT, GYROSCOPE, NEGATED]
 
@@ -219,8 +225,9 @@ def test_joints_that_were_bent_in_the_pose_are_asked_about_apart_from_sensors() 
     asked = Sentence(Message("person.bent_in_pose", {"joints": "ring_pip 31°"}, "info"))
     bone = {"segment": "ring_proximal", "seen_mm": 52.0, "declared_mm": 40.0}
     other = Sentence(Message("person.bone_length", bone, "info"))
-    doubtful = judge_trust([("rom_fist", figure("poor", LIMIT))], True, asks_pose=True)
+    doubtful = judge_trust([("rom_fist", figure("poor", LIMIT))], True, bent=BENT)
     assert questions([other, asked, NEGATED]) == [asked]
+    assert bent_joints([other, asked, NEGATED, asked]) == BENT
     assert leading_findings(doubtful, [other, asked, NEGATED]) == [NEGATED]
 
 
@@ -233,8 +240,16 @@ def test_joints_that_were_bent_in_the_pose_are_asked_about_apart_from_sensors() 
 )
 def test_an_open_question_about_the_pose_is_no_yes(grade: Grade, words: str) -> None:
     rows = [("rom_fist", figure(grade, LIMIT)), ("rom_fist", figure())]
-    told = trust_payload(judge_trust(rows, True, asks_pose=True), {}, EN)
+    told = trust_payload(judge_trust(rows, True, bent=BENT), {}, EN)
     assert (told["answer"], told["words"]) == ("mostly", words)
+
+
+def test_a_report_says_it_with_the_reasons_and_the_joints_that_were_bent() -> None:
+    rows = [("", figure("fair", LIMIT)), ("", figure())]
+    trust = judge_trust(rows, True, faulty=["index_middle"], bent=BENT)
+    answer, mostly, bent, faulty, doubt = trust_sentences(trust, {}, EN)
+    assert answer.endswith("?") and mostly.startswith("Mostly: 1 of 2")
+    assert "Ring PIP 31°" in bent and "index" in faulty and "sensor at its limit" in doubt
 
 
 def test_figures_that_one_thing_makes_doubtful_are_one_reason_with_their_joints() -> None:
