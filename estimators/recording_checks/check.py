@@ -16,7 +16,7 @@ from handscope.estimators.data.findings import Finding
 from handscope.estimators.data.samples import Recording
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.errors import InputError
-from handscope.estimators.fault_detection.check import check_recording
+from handscope.estimators.fault_detection.check import FROZEN, check_recording
 from handscope.estimators.fault_detection.coverage import shown_by_gravity, untested
 from handscope.estimators.fault_detection.finding import Suspicion, Untested
 from handscope.estimators.fault_detection.neighbours.check_neighbours import Compared
@@ -41,7 +41,7 @@ EXPLAINS = {  # what a cause of the file looks like at single sensors, by the ki
 }
 BY_TURNED = {"sensor.slipped", "sensors.disagree"}  # what a sensor that turned explains
 # where times are wrong, sensors seem to have turned
-OF_TIMES = {"file.rate", "file.lost_rows", "file.frozen", "sensor.frozen"}
+OF_TIMES = {"file.rate", "file.lost_rows", "file.frozen"}
 OTHER_HAND = {"hand.other", "hand.mirrored", "hand.other_thumb"}  # told once
 IN_OTHER_UNIT = "sensor.accelerometer_unit"
 EDGE = 0.1  # s: checks look at windows, so a fault begins a little earlier and ends a little later than they say
@@ -92,8 +92,11 @@ def _without_explained(processed: Processed, suspicions: Sequence[Suspicion]) ->
     kinds = {EXPLAINS.get(code) for code in codes}
     faults = [s for s in suspicions if s.message.severity == "fault"]
     noticed = processed.suspicions
+    frozen = {n for s in suspicions if s.message.code == FROZEN for n in s.sensors}
     effects = [
-        s for s in noticed if codes & OF_TIMES or any(_explains(fault, s) for fault in faults)
+        s
+        for s in noticed
+        if codes & OF_TIMES or frozen & {*s.sensors} or any(_explains(fault, s) for fault in faults)
     ]
     explained = [f for f in processed.findings if f.kind in kinds]
     units = {n for s in suspicions if s.message.code == IN_OTHER_UNIT for n in s.sensors}

@@ -256,12 +256,12 @@ class _End:
     """One joint of a sensor in a window, at the m instants that are there: its acceleration by the neighbour, and what the sensor reads for it."""
 
     there: NDArray[np.bool_]  # which of the window's instants these are
+    place: Array  # (3,) m, in the sensor's frame
     by_neighbour: Array  # (m, 3) m/s^2, in the neighbour's frame of the window
     force: Array  # (m, 3) m/s^2, in the sensor's, without the accelerometer's bias
     arm: Array  # (m, 3, 3) 1/s^2
     turned: Array  # (m, 3, 3)
     rate: Array  # (m, 3) rad/s
-    place: Array  # (3,) m, in the sensor's frame
 
     @classmethod
     def of(
@@ -284,7 +284,7 @@ class _End:
             mine.turned[k],
             mine.rate[k],
         )
-        return cls(there, *(v[there] for v in readings), found[0, own])
+        return cls(there, found[0, own], *(v[there] for v in readings))
 
     def left(self, turn: Array, course: _Course) -> Array:
         """What is left (C, m, 3) m/s^2 of the joint's acceleration if the sensor turned so (C, 3) on its segment, the rotation between the sensors being free."""
