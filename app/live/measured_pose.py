@@ -7,8 +7,8 @@ from handscope.estimators.alignment.initial_pose import BEYOND_LIMITS, DEG
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import FLEXION, HINGES, JOINT, LIMITS
-from handscope.estimators.messages.sentence import codes_of
-from handscope.estimators.recording_checks.pose_gravity import BENT_IN_POSE
+from handscope.estimators.messages.sentence import messages_of, phrase
+from handscope.estimators.recording_checks.pose_gravity import bent_joint_questions
 
 # of a joint's flexion, deg. Standard errors of measurement: 2.4 to 4.9 deg by novices (Macionis 2013,
 # BMC Musculoskelet Disord 14:17), 4 to 11 deg at retest (Reissner 2019, J Orthop Surg Res 14:173)
@@ -48,15 +48,24 @@ class MeasuredPose:
         self._counted = {j: details[_column(j)] for j in HINGES if _column(j) in details}
 
     def to_json(self, calibration: Calibration | None) -> dict[str, Any]:
-        """The joints that were entered, deg, whether the newest pose still lacks them, and whether its calibration asks about joints that it had bent."""
-        asked = calibration is not None and asks_about_bent_joints(calibration)
+        """The joints that were entered, deg, whether the newest pose still lacks them, and the joints of which its calibration asks whether they were bent."""
+        asked = [] if calibration is None else bent_joints_asked(calibration)
         pending = dict(self._stiff) != dict(self._counted)
         return {"angles": dict(self._stiff), "pending": pending, "asked": asked}
 
 
-def asks_about_bent_joints(calibration: Calibration) -> bool:
-    """Whether a question about joints that the pose had bent is among its warnings."""
-    return any(BENT_IN_POSE in codes_of(warning) for warning in calibration.warnings)
+def questions(calibration: Calibration) -> list[str]:
+    """The question about joints that a pose had bent, if any, as it is asked where their angles can be entered."""
+    found = (question.message for question in bent_joint_questions(calibration))
+    return [phrase("live.bent_in_pose", joints=message.values["joints"]) for message in found]
+
+
+def bent_joints_asked(calibration: Calibration) -> list[str]:
+    """Joints that the question, if it is among the calibration's warnings, is about."""
+    messages = [message for warning in calibration.warnings for message in messages_of(warning)]
+    asked = [m.values["joints"] for m in messages if m.code == "live.bent_in_pose"]
+    named = [each for joints in asked for each in str(joints).split(", ")]
+    return [each.split()[0] for each in named]  # "ring_pip 37°"
 
 
 def _column(joint: str) -> str:

@@ -21,7 +21,7 @@ from handscope.app.live import trial_events
 from handscope.app.live.calibration_movements import CalibrationMovements
 from handscope.app.live.free_movement import FreeMovement
 from handscope.app.live.live_corrections import LiveCorrections
-from handscope.app.live.measured_pose import MeasuredPose, asks_about_bent_joints
+from handscope.app.live.measured_pose import MeasuredPose, bent_joints_asked
 from handscope.app.live.outputs.choice import open_outlets
 from handscope.app.live.outputs.outlets import Outlets
 from handscope.app.live.readouts import pose_fit, worn_glove
@@ -480,7 +480,7 @@ class Station:
                 self._take_calibrated_glove()
                 self._store_pose(pose, details)
                 self.scene.measured(alignment_quality.measured_fingers(calibration))
-                asked = asks_about_bent_joints(calibration)  # a bent joint looks like a poor one
+                asked = bent_joints_asked(calibration)  # a bent joint looks like a poor one
                 poor = 0 if asked else sum(j.grade == "poor" for j in self.joints())
                 self._wizard, effects = wizard_machine.accept_pose(
                     self._wizard, status, poor, self.tracking.swapped()

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from handscope.app.devices.strip_progress import StripProgress
+from handscope.app.live import measured_pose
 from handscope.app.live.readouts.hand_trail import HandTrail
 from handscope.app.live.readouts.motion import Motion, latest, motions
 from handscope.app.workers.turns import Share, Turns
@@ -37,7 +38,6 @@ from handscope.estimators.data.held_contact import HeldContact
 from handscope.estimators.data.samples import ORIENTATION, Block, join, join_consecutive
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.fault_detection.finding import Suspicion
-from handscope.estimators.fault_detection.words import sentence
 from handscope.estimators.hand.anatomy import SEGMENT, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics.typing import Array
@@ -58,7 +58,6 @@ from handscope.estimators.pipeline.method import (
 )
 from handscope.estimators.pipeline.mounting_changes import of_change
 from handscope.estimators.pipeline.recording_calibration import with_known
-from handscope.estimators.recording_checks.pose_gravity import bent_joint_questions
 from handscope.estimators.sensors import fault_detection
 
 log = logging.getLogger(__name__)
@@ -277,7 +276,7 @@ class Tracking:
         ]
         self.findings = tuple(findings)
         warnings = [*calibration.warnings, *(f.message for f in findings)]
-        warnings += [sentence(s.message) for s in bent_joint_questions(calibration)]
+        warnings += measured_pose.questions(calibration)
         return replace(calibration, warnings=tuple(dict.fromkeys(warnings)))
 
     def restart(self) -> None:

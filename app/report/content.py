@@ -22,6 +22,7 @@ from handscope.estimators.hand.anatomy import DOF_NAMES, FLEXION, JOINT, SEGMENT
 from handscope.estimators.measures import MEASURES
 from handscope.estimators.measures.assessment import TaskResult
 from handscope.estimators.measures.range_of_motion import Range
+from handscope.estimators.measures.resting_drift import Drift
 from handscope.estimators.methods import ALL_METHODS
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import Processed
@@ -237,6 +238,8 @@ class Content:
     goals: tuple[GoalReading, ...] = ()
     same_visit: bool = False  # the other hand of `course` was measured in the same visit
     later_hand: LaterHand | None = None  # where `course` cannot hold it: it was chosen before
+    drifts: tuple[Drift, ...] = ()  # at rest
+    asks_hand: bool = False  # whether the other hand was measured
 
     @property
     def edition(self) -> Edition:

@@ -18,10 +18,11 @@ from handscope.app.report.sections.range_comparison import (
     behind_reference,
     other_hand,
 )
-from handscope.app.report.sections.range_rows import GRADES, asks_full_range
+from handscope.app.report.sections.range_rows import asks_full_range
+from handscope.app.report.trust.judgement import judge_trust, trust_sentences
+from handscope.app.report.trust.leading_findings import bent_joints, faulty_sensors
 from handscope.app.report.units import DECIMALS, DEG
 from handscope.app.report.words import joint_words
-from handscope.estimators.measures.figure import Figure
 
 WHOLE = "whole recording"  # the task's name where a recording names none (estimators/measures/assessment.py)
 NAMED = 5  # joints or tasks at most that a sentence names
@@ -50,7 +51,7 @@ def summary(content: Content, language: Language) -> list[str]:
         *_reach(content, language),
         *_held(content, language),
         *([_changes(content.changes, language)] if content.changes else []),
-        _signal(content, language),
+        _trust(content, language),
         *_pain(content, language),
     ]
     return [sentence for sentence in sentences if sentence]
@@ -301,15 +302,21 @@ def _changes(found: Changes, language: Language) -> str:
     )
 
 
-def _signal(content: Content, language: Language) -> str:
-    """The worst grade and how many figures have it, of those that the page judges too (result_view.py)."""
-    figures: list[Figure] = [f for t in content.tasks for f in t.result.figures if not f.detail]
-    if not figures:
+def _trust(content: Content, language: Language) -> str:
+    """How far the figures can be relied on, by the rules of the results page."""
+    rows = [(t.result.task, f) for t in content.tasks for f in t.result.figures if not f.detail]
+    if not rows:
         return ""
-    worst = max((f.grade for f in figures), key=GRADES.index)
-    count = sum(f.grade == worst for f in figures)
-    reasons = sorted({f.reason for f in figures if f.grade == worst and f.reason})
-    why = language.translate(reasons[0]) if reasons else ""
-    return language.counted(
-        f"summary.signal.{worst}", count, all=language.number(len(figures)), reason=why
+    calibrated = bool(content.self_calibration) or any(c.sensors for c in content.calibrations)
+    trust = judge_trust(
+        rows,
+        calibrated,
+        content.edition,
+        content.drifts,
+        content.asks_hand,
+        faulty_sensors(content.warnings),
+        bent_joints(content.warnings),
     )
+    asked = (t for t in content.tasks if t.result.task != WHOLE)
+    titles = {t.result.task: language.translate(t.title) for t in asked}
+    return " ".join(trust_sentences(trust, titles, language, content.edition))

@@ -9,7 +9,9 @@ from sqlalchemy.orm import Session, object_session
 from handscope.app.report.changes import Changes, changes, read_as
 from handscope.app.report.content import ComparedWith, Content, GoalReading, LaterHand, Visit
 from handscope.app.report.references import edition_of, newest
+from handscope.app.results.hand_history import resembles_other_hand
 from handscope.app.results.make import load_report
+from handscope.estimators.measures.resting_drift import Drift
 from handscope.sessions.clinic import references
 from handscope.sessions.clinic.references import Course, References
 from handscope.sessions.clinic.repeatability import values
@@ -75,8 +77,10 @@ def report(store: Store, result: Result, number: int | None = None) -> Content:
     db, other = object_session(result), found.stored.other
     assert db is not None
     neighbours = records.same_visit(db, session)
+    computed = load_report(store, result)
+    rows = [(t.result.task, t.result.measure, f) for t in computed.tasks for f in t.result.figures]
     return replace(
-        load_report(store, result),
+        computed,
         visit=visit,
         date=date,
         changes=found.changes,
@@ -85,6 +89,8 @@ def report(store: Store, result: Result, number: int | None = None) -> Content:
         goals=goal_readings(result),
         same_visit=other is not None and other.session in {s.id for s in neighbours},
         later_hand=_later_hand(db, result, neighbours),
+        drifts=tuple(Drift(**d) for d in result.content.get("drift", ())),
+        asks_hand=resembles_other_hand(rows, found.changes, other),
     )
 
 

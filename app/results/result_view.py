@@ -25,12 +25,17 @@ from handscope.app.report.sections.range_rows import (
 )
 from handscope.app.report.sections.shown_panels import shown_of
 from handscope.app.report.summary import not_done_row
+from handscope.app.report.trust.judgement import judge_trust, trust_payload
+from handscope.app.report.trust.leading_findings import (
+    bent_joints,
+    faulty_sensors,
+    leading_findings,
+    questions,
+)
 from handscope.app.report.units import DEG, TAPPING_ROWS, places_of, reading
 from handscope.app.report.words import calibration_words, figure_words
 from handscope.app.results.hand_history import resembles_other_hand
 from handscope.app.results.headlines import FOLDED, finger_rows, headlines, joint_deficits
-from handscope.app.results.leading_findings import faulty_sensors, leading_findings
-from handscope.app.results.trust import judge_trust, trust_payload
 from handscope.estimators.measures import MEASURES
 from handscope.estimators.measures.assessment import TaskResult
 from handscope.estimators.measures.figure import Figure
@@ -121,7 +126,7 @@ def _trust(
     edition: Edition | None,
     warnings: Sequence[str],
 ) -> dict[str, Any]:
-    """Whether the figures can be trusted, by the rules of app/results/trust.py, and which sensors lower them."""
+    """Whether the figures can be trusted, by the rules of app/report/trust/judgement.py, and which sensors lower them."""
     rows = [(f["task"], _stored_figure(f)) for f in figures if not f.get("detail")]
     titles = {task: _title({"task": task}, protocols.get(task), language) for task, _ in rows}
     posed = bool((content.get("calibration") or {}).get("quality"))
@@ -129,11 +134,12 @@ def _trust(
     drifts = [Drift(**d) for d in content.get("drift", ())]
     measured = [(f["task"], f["measure"], _stored_figure(f)) for f in figures]
     asks_hand = resembles_other_hand(measured, changes, compared)
-    found = judge_trust(rows, calibrated, edition, drifts, asks_hand, faulty_sensors(warnings))
+    faulty, bent = faulty_sensors(warnings), bent_joints(warnings)
+    found = judge_trust(rows, calibrated, edition, drifts, asks_hand, faulty, bent)
     untested = content.get("untested") or {}
-    leading = leading_findings(found, warnings)
     return trust_payload(found, titles, language, edition, untested) | {
-        "findings": [language.translate(text) for text in leading]
+        "questions": [language.translate(text) for text in questions(warnings)],
+        "findings": [language.translate(text) for text in leading_findings(found, warnings)],
     }
 
 

@@ -2,11 +2,13 @@
 
 In      blocks of a recording, or of what has come so far; what is declared of it
 Out     suspicions: what is probably wrong, which sensors, from when to when, how probable such evidence is without the fault
-Limits  those of the checks: single_sensors/ and neighbours/. Against each other only those sensors are looked at that are right by themselves
+Limits  those of the checks: single_sensors/ and neighbours/. Against each other only those sensors are looked at that are right by themselves, without stretches in which they stand still
 """
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.data.samples import Block, Recording
@@ -16,6 +18,7 @@ from handscope.estimators.fault_detection.neighbours.check_neighbours import Com
 from handscope.estimators.fault_detection.single_sensors.check_sensors import check_sensors
 
 MOST_FAULTY = 4  # sensors at fault beside which the others are compared: more have one cause
+FROZEN = "sensor.frozen"  # at fault in stretches alone
 SLIP, UNEXPLAINED = "sensor.slipped", "sensors.disagree"
 EXPLAIN_STEPS = ("sensors.late", "sensors.early", "sensors.exchanged", "sensors.order")
 
@@ -48,16 +51,15 @@ def check_recording(
         compared = compared or Compared(blocks, declared, calibrations)
     alone = check_sensors(blocks, compared.cells if compared else None)
     alone = [s for s in alone if not _is_refuted(s, compared)]
-    faulty = {
-        n
-        for s in alone
-        if s.message.severity == "fault" and "magnetometer" not in s.message.code
-        for n in s.sensors
-    }
+    faults = [
+        s for s in alone if s.message.severity == "fault" and "magnetometer" not in s.message.code
+    ]
+    frozen = [s for s in faults if s.message.code == FROZEN]
+    faulty = {n for s in faults if s.message.code != FROZEN for n in s.sensors}
     if declared is None or len(faulty) > MOST_FAULTY:
         return alone
-    if faulty:
-        rest = (_without(b, faulty) for b in blocks)
+    if faults:
+        rest = (_without(_without_stretches(b, frozen), faulty) for b in blocks)
         blocks = [b for b in rest if b.stream.sensors]
         compared = Compared(blocks, declared, calibrations)
     together = check_neighbours.check(
@@ -77,6 +79,18 @@ def _without(block: Block, sensors: Collection[str]) -> Block:
     kept = [k for k, name in enumerate(block.stream.sensors) if name not in sensors]
     stream = replace(block.stream, sensors=tuple(block.stream.sensors[k] for k in kept))
     return replace(block, stream=stream, values=block.values[:, kept])
+
+
+def _without_stretches(block: Block, frozen: Sequence[Suspicion]) -> Block:
+    """A block without the readings of sensors while they stood still."""
+    values = block.values
+    for s in frozen:
+        columns = np.flatnonzero([name in s.sensors for name in block.stream.sensors])
+        for start, stop in s.spans if len(columns) else ():
+            values = values if values is not block.values else values.copy()
+            rows = np.flatnonzero((block.t >= start) & (block.t <= stop))
+            values[np.ix_(rows, columns)] = np.nan
+    return replace(block, values=values)
 
 
 def _is_refuted(suspicion: Suspicion, compared: Compared | None) -> bool:

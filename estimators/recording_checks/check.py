@@ -16,7 +16,7 @@ from handscope.estimators.data.findings import Finding
 from handscope.estimators.data.samples import Recording
 from handscope.estimators.data.trajectory import Flag, Trajectory
 from handscope.estimators.errors import InputError
-from handscope.estimators.fault_detection.check import check_recording
+from handscope.estimators.fault_detection.check import FROZEN, check_recording
 from handscope.estimators.fault_detection.coverage import shown_by_gravity, untested
 from handscope.estimators.fault_detection.finding import Suspicion, Untested
 from handscope.estimators.fault_detection.neighbours.check_neighbours import Compared
@@ -41,7 +41,7 @@ EXPLAINS = {  # what a cause of the file looks like at single sensors, by the ki
 }
 BY_TURNED = {"sensor.slipped", "sensors.disagree"}  # what a sensor that turned explains
 # where times are wrong, sensors seem to have turned
-OF_TIMES = {"file.rate", "file.lost_rows", "file.frozen", "sensor.frozen"}
+OF_TIMES = {"file.rate", "file.lost_rows", "file.frozen"}
 OTHER_HAND = {"hand.other", "hand.mirrored", "hand.other_thumb"}  # told once
 IN_OTHER_UNIT = "sensor.accelerometer_unit"
 EDGE = 0.1  # s: checks look at windows, so a fault begins a little earlier and ends a little later than they say
@@ -87,10 +87,17 @@ def check_processed(processed: Processed, recording: Recording) -> Processed:
 
 
 def _without_explained(processed: Processed, suspicions: Sequence[Suspicion]) -> Processed:
-    """Without what is said of each sensor where one cause of the file or a wrong unit explains it, as of sensors that seem to turn where times are wrong; flags stay as they are."""
+    """Without what is said of each sensor where one cause of the file or a wrong unit explains it, as of sensors that seem to turn where times are wrong or a sensor is at fault; flags stay as they are."""
     codes = {s.message.code for s in suspicions}
     kinds = {EXPLAINS.get(code) for code in codes}
-    effects = processed.suspicions if codes & OF_TIMES else ()
+    faults = [s for s in suspicions if s.message.severity == "fault"]
+    noticed = processed.suspicions
+    frozen = {n for s in suspicions if s.message.code == FROZEN for n in s.sensors}
+    effects = [
+        s
+        for s in noticed
+        if codes & OF_TIMES or frozen & {*s.sensors} or any(_explains(fault, s) for fault in faults)
+    ]
     explained = [f for f in processed.findings if f.kind in kinds]
     units = {n for s in suspicions if s.message.code == IN_OTHER_UNIT for n in s.sensors}
     messages = {f.message for f in explained} | {sentence(s.message) for s in effects}
@@ -104,8 +111,14 @@ def _without_explained(processed: Processed, suspicions: Sequence[Suspicion]) ->
         processed,
         findings=tuple(f for f in processed.findings if f not in explained),
         warnings=tuple(w for w in processed.warnings if w not in messages),
-        suspicions=() if effects else processed.suspicions,
+        suspicions=tuple(s for s in noticed if s not in effects),
     )
+
+
+def _explains(fault: Suspicion, noticed: Suspicion) -> bool:
+    """Whether all sensors that a method noticed were at fault all that time."""
+    during = all(any(a <= c and d <= b for a, b in fault.spans) for c, d in noticed.spans)
+    return during and {*noticed.sensors} <= {*fault.sensors}
 
 
 def suspicions_of(

@@ -1,4 +1,4 @@
-/** Whether the numbers can be trusted: the answer, why, which sensors and what to do; other messages and the calibration are folded. */
+/** Whether the numbers can be trusted: answer, questions, why, which sensors and what to do; the rest is folded. */
 import { h } from "../dom.js";
 import { inWords, segmentWords } from "../words/clinical.js";
 import { counted, decimal, t } from "../words/words.js";
@@ -7,8 +7,8 @@ const LOOK = { yes: "good", mostly: "fair", no: "poor" };
 
 export function mount(root, api, { result }) {
   const { warnings, readings } = result;
-  const { answer, words, reasons, findings, todo, untested } = readings.trust;
-  const others = warnings.filter((text) => !findings.includes(text));
+  const { answer, words, reasons, questions, findings, todo, untested } = readings.trust;
+  const others = warnings.filter((text) => ![...questions, ...findings].includes(text));
   const list = (each) =>
     h(
       "ul",
@@ -20,6 +20,7 @@ export function mount(root, api, { result }) {
   root.append(
     h("h2", {}, t("quality.title")),
     h("p", { class: `trust ${LOOK[answer]}` }, words),
+    ...(questions.length ? [h("h3", {}, t("quality.questions")), list(questions.map(inWords))] : []),
     ...(reasons.length ? [list(reasons)] : []),
     ...(readings.calibration?.joints ?? []).map((words) => h("p", {}, words)),
     ...(findings.length ? [h("h3", {}, t("quality.sensors")), list(findings.map(inWords))] : []),

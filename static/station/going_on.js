@@ -27,7 +27,7 @@ export function goingOn({ wizard }, primary) {
 /** The action that leads on. */
 export function leading({ wizard, self_calibration, stiff_joints }) {
   const can = (act) => wizard.actions.includes(act);
-  if (wizard.state === "pose_review" && (stiff_joints?.asked || stiff_joints?.pending) && !can("exchange")) return "redo";
+  if (wizard.state === "pose_review" && (stiff_joints?.asked.length || stiff_joints?.pending) && !can("exchange")) return "redo";
   if (wizard.proposal) return wizard.proposal;
   if (wizard.state === "checked") return can("exchange") ? "exchange" : faultless(wizard.check) ? "continue" : "check";
   if (can("again")) return "again";

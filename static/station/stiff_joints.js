@@ -43,21 +43,28 @@ export function mount(root, api, { station }) {
     return h("li", {}, labelled(wholeJoint(name), angleWords(name, "flexion", degrees)), " ", button);
   }
 
+  /** What comes above a field that has the focus does not push it out of sight. */
+  const keepSeen = () => form.contains(document.activeElement) && document.activeElement.scrollIntoView({ block: "nearest" });
   const drawRows = whenChanged(
     ({ stiff_joints }) => stiff_joints.angles,
-    (angles) => rows.replaceChildren(...Object.entries(angles).map(row)),
+    (angles) => (rows.replaceChildren(...Object.entries(angles).map(row)), keepSeen()),
   );
   const drawState = whenChanged(
-    ({ wizard, stiff_joints }) => [wizard.state, stiff_joints.asked && wizard.state === "pose_review"],
+    ({ wizard, stiff_joints }) => [wizard.state, wizard.state === "pose_review" ? stiff_joints.asked : []],
     ([state, asked]) => {
       box.clear();
       root.hidden = !SHOWN.includes(state);
-      folded.open = asked || Object.keys(station.latest.stiff_joints.angles).length > 0;
+      const entered = Object.keys(station.latest.stiff_joints.angles);
+      folded.open = asked.length + entered.length > 0;
+      joint.value ||= asked.find((name) => !entered.includes(name)) ?? "";
     },
   );
   const drawAgain = whenChanged(
     ({ wizard, stiff_joints }) => wizard.state === "pose_review" && stiff_joints.pending,
-    (due) => again.replaceChildren(...(due ? [h("p", { class: "warning" }, t("stiff.again", { button: t("act.redo") }))] : [])),
+    (due) => {
+      again.replaceChildren(...(due ? [h("p", { class: "warning" }, t("stiff.again", { button: t("act.redo") }))] : []));
+      keepSeen();
+    },
   );
   const leave = [drawRows, drawState, drawAgain].map((draw) => station.on("full", draw));
   return () => leave.forEach((stop) => stop());

@@ -10,6 +10,7 @@ from handscope.app.report.references import Edition, Reference
 from handscope.app.report.sections.range_rows import RangeRow, over_tasks
 from handscope.app.report.units import DEG
 from handscope.estimators.measures.asked_extension import asks_fist_and_stretch
+from handscope.estimators.measures.figure import WIDE
 from handscope.estimators.measures.range_of_motion import Range
 from handscope.sessions.clinic.repeatability import Values
 
@@ -27,7 +28,9 @@ def sd_of(tasks: Sequence[Task], r: Range, end: End) -> float | None:
 def flexion_with_sd(tasks: Sequence[Task], row: RangeRow, language: Language) -> str:
     """The row's flexion as it is read, with its standard deviation where the method gives one: "81° ± 1.8°"."""
     sd = sd_of(tasks, row.bend, "largest") if row.bend and row.flexion else None
-    return row.flexion + (f" ± {language.number(sd * DEG, 1)}°" if sd is not None else "")
+    if sd is None:
+        return row.flexion
+    return f"{row.flexion} ± {language.number(sd * DEG, 1 if sd < WIDE else 0)}°"
 
 
 def reference_of(r: Range, end: End, edition: Edition) -> Reference | None:

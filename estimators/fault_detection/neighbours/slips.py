@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from handscope.estimators.fault_detection.neighbours import common_joint, joint_windows
 from handscope.estimators.fault_detection.neighbours.common_joint import Joint
@@ -31,14 +32,15 @@ LEAST_SURE = 0.01
 LEAST_PIECE = 6  # samples of a window, before and after
 LEAST = np.radians(6.0)  # smaller turns are those of skin and of mounting
 ODD = 2.0  # times what the recording's other joints let expect, and what its other windows leave, from which on a window may be asked whether the sensor turned in it
-LENGTHS = (0.15, 0.35)  # s, that a turn takes, about
+LENGTHS = (0.08, 0.15, 0.35)  # s, that a turn takes, about
 FINER = (0.8, 0.9, 1.0, 1.1, 1.25)  # of such a length, twice
 INSTANT = joint_windows.AVERAGED / joint_windows.RATE  # s
+LEAST_INSTANTS = 12  # of a window that has gaps, in one piece
 OF_SENSOR, ASKED = 2, 12  # windows of a sensor, and in all, that are asked: the oddest
 STEPS, REFINED = 3, 2  # of the search for a turn, and of its course
 SHIFTS = INSTANT / 4 * np.arange(-3, 4)  # s, of its begin
 DIFFERENCE = 1e-3  # rad, for derivatives
-SURE = 1e-6  # p-value of a turn that a gyroscope saw: flicks of fingers leave no white noise; of 592 intact recordings the smallest of turns of LEAST to MOST was 0.1
+SURE = 2e-6  # p-value of a turn that a gyroscope saw: flicks of fingers and keystrokes leave no white noise; of 1,000 intact recordings of three simulators the smallest of turns of LEAST to MOST was 7e-5
 OF_COURSE = 5  # numbers that tell a turn's course: its vector, begin and length
 
 
@@ -164,9 +166,7 @@ def _oddest(pairs: Pairs, others: Others, sensor: str) -> list[tuple[float, int]
     sizes, ratios = others.without(sensor), []
     for joint in _joints_of(pairs, sensor):
         fitted = pairs.joint(*joint, joint)
-        ratio = np.where(
-            pairs.whole(*joint), fitted.rest / sizes.expected(fitted.couple.parts), 0.0
-        )
+        ratio = np.where(pairs.use(*joint), fitted.rest / sizes.expected(fitted.couple.parts), 0.0)
         ratios.append(ratio / max(1.0, float(np.median(ratio))))
     least = np.min(ratios, axis=0)
     return [(float(least[k]), int(k)) for k in np.argsort(-least)[:OF_SENSOR]]
@@ -174,11 +174,17 @@ def _oddest(pairs: Pairs, others: Others, sensor: str) -> list[tuple[float, int]
 
 def _turning(pairs: Pairs, others: Others, sensor: str, k: int, count: int) -> Slip | None:
     """The sensor's turn in window k that explains best what its joints leave; None where a turn does no better than chance would in one of `count` windows."""
-    joints, m = _joints_of(pairs, sensor), joint_windows.INSTANTS
+    joints = _joints_of(pairs, sensor)
     fits = [pairs.joint(*joint, joint) for joint in joints]
+    there = np.all([f.couple.first.weight[k] > 0 for f in fits], axis=0)
+    m = int(there.sum())
+    if m < LEAST_INSTANTS:
+        return None
     sizes = others.without(sensor)
     noise = float(np.mean([_usual(fit, sizes.expected(fit.couple.parts), k) for fit in fits]))
-    without = _squares([_End.of(pairs, j, f.unknowns, sensor, k) for j, f in zip(joints, fits)])
+    without = _squares(
+        [_End.of(pairs, j, f.unknowns, sensor, k, there) for j, f in zip(joints, fits)]
+    )
     kept = np.arange(m) != np.argmax(without)  # a knock leaves much at one instant
     free = len(joints) * (m - 1) - OF_COURSE  # as in `_jump`: one of three axes' worth of freedom
     tests = count * len(LENGTHS) * m
@@ -190,7 +196,7 @@ def _turning(pairs: Pairs, others: Others, sensor: str, k: int, count: int) -> S
 
     if p_value(np.zeros(m)) > SURE:  # whatever the turn
         return None
-    ends = [_End.of(pairs, j, _without_window(pairs, j, k), sensor, k) for j in joints]
+    ends = [_End.of(pairs, j, _without_window(pairs, j, k), sensor, k, there) for j in joints]
     begins = np.arange(-INSTANT, joint_windows.LENGTH, INSTANT)
     begin, length = (v.ravel() for v in np.meshgrid(begins, LENGTHS))
     whole = begin + length <= joint_windows.LENGTH
@@ -206,7 +212,7 @@ def _turning(pairs: Pairs, others: Others, sensor: str, k: int, count: int) -> S
 def _squares(ends: Sequence["_End"]) -> Array:
     """Mean squares (m,) that are left at each instant if nothing turned, (m/s^2)^2."""
     still = np.zeros((1, 3))
-    course = _Course.of(len(ends[0].force), np.zeros(1), np.ones(1))
+    course = _Course.of(ends[0].there, np.zeros(1), np.ones(1))
     return np.asarray(np.mean([e.left(still, course)[0] ** 2 for e in ends], axis=(0, 2)))
 
 
@@ -235,42 +241,50 @@ class _Course:
     change: Array  # (C, m) 1/s^2
 
     @classmethod
-    def of(cls, m: int, begin: Array, length: Array) -> "_Course":
-        """As cubics from 0 at `begin` (C,) to 1, `length` (C,) s later; means over each instant."""
-        at = np.arange(2 * m + 1) * INSTANT / 2
+    def of(cls, there: NDArray[np.bool_], begin: Array, length: Array) -> "_Course":
+        """As cubics from 0 at `begin` (C,) to 1, `length` (C,) s later; means over each instant that is `there`, m of them."""
+        at = np.arange(2 * len(there) + 1) * INSTANT / 2
         u = np.clip((at - begin[:, None]) / length[:, None], 0.0, 1.0)
         share = u**2 * (3 - 2 * u)
         rate = 6 * u * (1 - u) / length[:, None]
         steps = (np.diff(v[:, ::2], axis=1) / INSTANT for v in (share, rate))
-        return cls(share[:, 1::2], *steps)
+        return cls(*(v[:, there] for v in (share[:, 1::2], *steps)))
 
 
 @dataclass(frozen=True)
 class _End:
-    """One joint of a sensor in a window: its acceleration by the neighbour, and what the sensor reads for it."""
+    """One joint of a sensor in a window, at the m instants that are there: its acceleration by the neighbour, and what the sensor reads for it."""
 
+    there: NDArray[np.bool_]  # which of the window's instants these are
+    place: Array  # (3,) m, in the sensor's frame
     by_neighbour: Array  # (m, 3) m/s^2, in the neighbour's frame of the window
     force: Array  # (m, 3) m/s^2, in the sensor's, without the accelerometer's bias
     arm: Array  # (m, 3, 3) 1/s^2
     turned: Array  # (m, 3, 3)
     rate: Array  # (m, 3) rad/s
-    place: Array  # (3,) m, in the sensor's frame
 
     @classmethod
     def of(
-        cls, pairs: Pairs, joint: tuple[str, str], unknowns: Array, sensor: str, k: int
+        cls,
+        pairs: Pairs,
+        joint: tuple[str, str],
+        unknowns: Array,
+        sensor: str,
+        k: int,
+        there: NDArray[np.bool_],
     ) -> "_End":
         found = unknowns.reshape(2, 2, 3)
         own, other = (0, 1) if joint[0] == sensor else (1, 0)
         seen, mine = pairs.windows(joint[other]), pairs.windows(sensor)
-        return cls(
-            seen.force[k] + seen.arm[k] @ found[0, other] - seen.turned[k] @ found[1, other],
+        by_neighbour = seen.force[k] + seen.arm[k] @ found[0, other]
+        readings = (
+            by_neighbour - seen.turned[k] @ found[1, other],
             mine.force[k] - mine.turned[k] @ found[1, own],
             mine.arm[k],
             mine.turned[k],
             mine.rate[k],
-            found[0, own],
         )
+        return cls(there, found[0, own], *(v[there] for v in readings))
 
     def left(self, turn: Array, course: _Course) -> Array:
         """What is left (C, m, 3) m/s^2 of the joint's acceleration if the sensor turned so (C, 3) on its segment, the rotation between the sensors being free."""
@@ -299,7 +313,7 @@ class _Fit:
 
 def _fitted(ends: Sequence[_End], turn: Array, begin: Array, length: Array, noise: float) -> _Fit:
     """Of turns near some (C, 3) that go on so the one that explains most; small turns are as probable as TURN_SD says."""
-    course = _Course.of(len(ends[0].force), begin, length)
+    course = _Course.of(ends[0].there, begin, length)
     prior = noise / TURN_SD**2
 
     def left(turn: Array) -> Array:

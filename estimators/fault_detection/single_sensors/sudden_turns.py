@@ -47,7 +47,8 @@ MENDED, CLEAR = 0.5, 3.0
 ALONE = 1e-12  # probability of the step from which on gravity need not tell: keys that are struck hard reach 1e-8
 # of what no rotation explains of a step, of which a joint that is stopped leaves more: variances, and shares of the step
 EXACT_REST, EXACT, OF_STEP = 12.0, 0.003, 0.1
-SEVERAL = 3  # sensors that step at once: rows are lost, no sensor slipped
+SEVERAL = 3  # sensors that step at once: rows are lost, or the hand is stopped; no sensor slipped
+AS_MUCH = 0.5  # of a sensor's step, from which on another's counts as one
 AT_ONCE = 0.1  # s
 # by samples that a turn takes which its gyroscope sees: s between samples at most; at lower rates a flick of 0.05 s looks so
 WIDTHS = {1: 0.0175, 2: 0.0105}
@@ -159,7 +160,32 @@ def turns_of(block: Block) -> list[SuddenTurn]:
             if sensor not in candidates or turn.p_value < candidates[sensor].p_value:
                 candidates[sensor] = turn
     every = list(candidates.values())
-    return [s for s in every if sum(abs(s.t - o.t) < AT_ONCE for o in every) < SEVERAL]
+    alone = [s for s in every if sum(abs(s.t - o.t) < AT_ONCE for o in every) < SEVERAL]
+    return [s for s in alone if _stepping(block, s) < SEVERAL]
+
+
+def _stepping(block: Block, turn: SuddenTurn) -> int:
+    """How many sensors' forces step when a sensor is said to have turned, about as much as its own."""
+    own = block.stream.sensors.index(turn.sensor)
+    sizes = np.array([_step_size(block, k, turn.t) for k in range(len(block.stream.sensors))])
+    return int(np.count_nonzero(sizes > AS_MUCH * sizes[own]))
+
+
+def _step_size(block: Block, column: int, t: float) -> float:
+    """The largest step of a sensor's force between two of the rows next to an instant, m/s^2, beside its course; 0 where rows are missing."""
+    acc, half = block.of(ACC)[:, column], ROWS // 2
+    rows = np.flatnonzero(np.isfinite(acc).all(axis=1))
+    at = int(np.searchsorted(block.t[rows], t))
+    starts = [k - half for k in (at - 1, at, at + 1) if half <= k <= len(rows) - half]
+    sizes = [0.0]
+    for k in starts:
+        y, when = acc[rows[k : k + ROWS]], block.t[rows[k : k + ROWS]]
+        before, behind = y[:half], y[half:]
+        slope = (before[-1] - before[0]) / (when[half - 1] - when[0])
+        slope = slope + (behind[-1] - behind[0]) / (when[-1] - when[half])
+        course = 0.5 * slope * (when[half + 1] - when[1])
+        sizes.append(float(np.linalg.norm(np.median(behind, 0) - np.median(before, 0) - course)))
+    return max(sizes)
 
 
 def _of_sensor(block: Block, column: int) -> Iterator[SuddenTurn]:

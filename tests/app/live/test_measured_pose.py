@@ -59,21 +59,21 @@ def test_joints_that_were_measured_are_asked_about_no_more_and_right_in_every_po
     station.tracking._process(list(recording.samples.values()))
     first, second = (e for e in recording.events if e.trial_type == "initial_pose")
 
-    def shown() -> tuple[bool, bool]:
+    def shown() -> tuple[list[str], bool]:
         entered = station.snapshot()["stiff_joints"]
         return entered["asked"], entered["pending"]
 
     take_pose(station, stored, first)
-    assert shown() == (True, False)
+    assert shown() == ([*STIFF], False)
     assert (
         station._wizard.poor == 0
     )  # no movements are proposed: a bent joint is no sensor that sits turned
     assert not {*COLUMNS} & {*stored[0].details}
     station.measured_pose.use_goniometer(STIFF)
-    assert shown() == (True, True)
+    assert shown() == ([*STIFF], True)
     for pose in (first, second):
         take_pose(station, stored, pose)
-        assert shown() == (False, False)
+        assert shown() == ([], False)
         assert stored[-1].details.items() >= {**COLUMNS, **SD_COLUMNS}.items()
     moved = station.tracking.past(second.end + 3.0)
     rows = np.searchsorted(recording.truth.t, moved.t).clip(0, len(recording.truth.t) - 1)
@@ -81,7 +81,7 @@ def test_joints_that_were_measured_are_asked_about_no_more_and_right_in_every_po
         off = (moved.angles - recording.truth.angles[rows])[:, JOINT[joint], FLEXION]
         assert abs(np.nanmean(off)) < 6 * DEG
     station.measured_pose.use_goniometer({})
-    assert shown() == (False, True)
+    assert shown() == ([], True)
     take_pose(station, stored, second)
     assert not {*COLUMNS} & {*stored[-1].details}
 

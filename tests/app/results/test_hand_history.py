@@ -8,9 +8,9 @@ import pytest
 
 from handscope.app.language import languages
 from handscope.app.report.changes import Change, Changes
+from handscope.app.report.trust.judgement import judge_trust, trust_payload
 from handscope.app.results.hand_history import resembles_other_hand
 from handscope.app.results.result_view import CALIBRATION, readings
-from handscope.app.results.trust import judge_trust, trust_payload
 from handscope.estimators.measures.figure import Figure
 from handscope.sessions.clinic.references import Compared
 

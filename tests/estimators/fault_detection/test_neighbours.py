@@ -1,6 +1,6 @@
 """Sensors against each other: each fault is named with its sensors, an intact recording is not."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 
@@ -181,15 +181,21 @@ def test_a_slipped_sensor_is_named_with_its_turn_and_time() -> None:
     assert found.spans[0][0] == pytest.approx(12.3, abs=0.1)
 
 
-@pytest.mark.parametrize(("degrees", "sensor"), [(17.0, "middle_middle"), (17.0, "ring_proximal")])
+def gapped(blocks: list[Block]) -> list[Block]:
+    """Of every second 0.08 s are lost, so that no window is whole."""
+    return [replace(b, t=b.t[(kept := b.t % 1.0 < 0.92)], values=b.values[kept]) for b in blocks]
+
+
+@pytest.mark.parametrize("sensor", ["middle_middle", "ring_proximal"])
+@pytest.mark.parametrize(("losses", "seconds"), [(list, 0.2), (list, 0.1), (gapped, 0.1)])
 def test_a_sensor_that_its_gyroscope_saw_turn_on_its_segment_is_named(
-    degrees: float, sensor: str
+    sensor: str, losses: Callable[[list[Block]], list[Block]], seconds: float
 ) -> None:
-    turn = np.array([0.0, 0.0, np.radians(degrees)])
-    turning = crosschecks.slipped(sensor, turn, 12.3, seconds=0.2)
-    (found,) = told([turning(b) for b in intact()])
+    turn = np.array([0.0, 0.0, np.radians(17.0)])
+    turning = crosschecks.slipped(sensor, turn, 12.3, seconds=seconds)
+    (found,) = told(losses([turning(b) for b in intact()]))
     assert (found.message.code, found.sensors) == ("sensor.slipped", (sensor,))
-    assert found.message.values["angle_deg"] == pytest.approx(degrees, rel=0.5)
+    assert found.message.values["angle_deg"] == pytest.approx(17.0, rel=0.5)
     assert found.spans[0][0] == pytest.approx(12.3, abs=0.1)
     assert found.correction is None  # later readings are right in a frame that turned with them
 

@@ -110,6 +110,20 @@ def test_a_knock_is_no_turn() -> None:
     assert sudden_turns(blocks) == []
 
 
+def test_a_step_that_many_sensors_read_turns_none() -> None:
+    """A hand that is stopped: one sensor reads what a turn of gravity would be, the others other steps."""
+    turned = _turned(moved_freely(), "index_middle", np.array([3.0, -14.0, 9.0]))
+    assert [s.sensors for s in sudden_turns(turned)] == [("index_middle",)]
+    stopped = []
+    for block in turned:
+        values, later = block.values.copy(), block.t >= AT
+        for k, sensor in enumerate(block.stream.sensors):
+            if sensor != "index_middle":
+                values[later, k, block.stream.axes(ACC)] *= 1.25
+        stopped.append(replace(block, values=values))
+    assert sudden_turns(stopped) == []
+
+
 def test_a_stream_of_10_hz_is_asked_nothing() -> None:
     rng, t = np.random.default_rng(1), 0.1 * np.arange(300)
     values = 0.01 * rng.normal(size=(300, 1, 6)) + [0.3, 0.2, 0.1, 9.81, 0.0, 0.0]

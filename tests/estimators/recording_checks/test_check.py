@@ -6,8 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from handscope.estimators.data.mounting_change import MountingChange
 from handscope.estimators.data.samples import ACC, GYR, Block
 from handscope.estimators.data.trajectory import Flag
+from handscope.estimators.fault_detection.words import sentence
 from handscope.estimators.hand.anatomy import FLEXION, JOINT, SEGMENT
 from handscope.estimators.measures.accuracy import DEFAULT, with_sd
 from handscope.estimators.measures.figure import grade_of
@@ -15,6 +17,7 @@ from handscope.estimators.messages.sentence import codes_of
 from handscope.estimators.methods import ekf, m2
 from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
+from handscope.estimators.pipeline.mounting_changes import of_change
 from handscope.estimators.pipeline.process import process
 from handscope.estimators.recording_checks.check import check_processed, suspicions_of
 from handscope.estimators.simulation.experiments import EXPERIMENTS, PersonErrors, record_experiment
@@ -74,6 +77,20 @@ def test_a_gyroscope_at_fault_is_named_and_its_figures_are_not_good(
     assert (sd[:, JOINT["index_pip"], FLEXION] > np.radians(20.0)).all()
     assert (sd[:, JOINT["ring_pip"], FLEXION] < np.radians(10.0)).all()
     assert any(SENSOR in warning for warning in checked.warnings)
+
+
+@pytest.mark.parametrize(("sensor", "told"), [(SENSOR, False), ("ring_middle", True)])
+def test_a_sensor_at_fault_throughout_is_not_said_to_have_turned_as_well(
+    intact: Simulated, sensor: str, told: bool
+) -> None:
+    wrong = with_readings(intact, lambda w: w * [1, 1, -1])
+    made = process(m2, m2.Params(), wrong)
+    end = float(made.trajectory.t[-1])
+    turned = of_change(MountingChange((sensor,), 0.4 * end, 0.5 * end, 0.5, 1e-9))
+    words = sentence(turned.message)
+    noticed = replace(made, suspicions=(turned,), warnings=(*made.warnings, words))
+    checked = check_processed(noticed, wrong)
+    assert (turned in checked.suspicions, words in checked.warnings) == (told, told)
 
 
 def test_an_accelerometer_in_g_is_said_once(intact: Simulated) -> None:

@@ -1,6 +1,7 @@
 """All checks of a recording together: what is wrong with one sensor hides nothing of the others."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -49,3 +50,21 @@ def test_a_second_fault_is_found_beside_that_of_a_single_sensor(
     own = [c for c, sensors in both.items() if sensors == {"ring_distal"}]
     assert len(own) == 1 and own[0].startswith("sensor.")
     assert {c: sensors for c, sensors in both.items() if c not in own} == alone
+
+
+def held(blocks: list[Block], sensor: str) -> list[Block]:
+    """A sensor repeats a reading for 0.2 s."""
+    out = []
+    for block in blocks:
+        values = block.values.copy()
+        if sensor in block.stream.sensors:
+            k = block.stream.sensors.index(sensor)
+            first = int(np.searchsorted(block.t, 12.0))
+            values[(block.t >= 12.0) & (block.t < 12.2), k] = values[first, k]
+        out.append(replace(block, values=values))
+    return out
+
+
+def test_a_late_sensor_is_named_though_it_stands_still_for_a_moment() -> None:
+    both = codes(held(late(freely_moved()), "middle_middle"))
+    assert both == {"sensor.frozen": {"middle_middle"}, "sensors.late": {"middle_middle"}}

@@ -27,7 +27,7 @@ def test_what_was_entered_is_in_the_snapshot_and_in_the_poses_event_until_it_is_
     assert answer.status_code == 200, answer.text
     snapshot = client.get(f"/api/stations/{name}").json()
     assert snapshot["stiff_joints"] == answer.json()["stiff_joints"]
-    assert snapshot["stiff_joints"] == {"angles": angles, "pending": True, "asked": False}
+    assert snapshot["stiff_joints"] == {"angles": angles, "pending": True, "asked": []}
     columns = station_of(client, name).measured_pose.columns()
     assert columns == {
         "index_pip_flexion_deg": 30.0,
@@ -36,7 +36,7 @@ def test_what_was_entered_is_in_the_snapshot_and_in_the_poses_event_until_it_is_
         "thumb_ip_flexion_sd_deg": GONIOMETER_SD,
     }
     left = entered(client, name, {}).json()["stiff_joints"]
-    assert left == {"angles": {}, "pending": False, "asked": False}
+    assert left == {"angles": {}, "pending": False, "asked": []}
     assert station_of(client, name).measured_pose.columns() == {}
 
 

@@ -1,8 +1,9 @@
-"""Whether the figures of a result can be trusted: yes, mostly or no, by rules that docs/checks.md states, with reasons and what to do.
+"""Whether the figures of a result can be trusted: yes, mostly or no, by rules that docs/checks.md states, with reasons and what to do; for page and report.
 
 Rules     no: nothing was measured, there is no calibration, or more than MOST_POOR of the figures are graded poor
           mostly: some figure is not graded good, an angle is larger than healthy people reach (norm mean + BEYOND standard deviations),
-          a sensor is faulty, also where joints beside it have no figures for that, or thumb and fingertip drift apart or together while the hand rests
+          a sensor is faulty, also where joints beside it have no figures for that, thumb and fingertip drift apart or together while the hand rests,
+          or it is open whether joints that were bent in the initial pose can be straightened
           yes: else. Lost samples, warnings and the sizes of a calibration count only as far as they lower the grade of a figure
 """
 
@@ -11,21 +12,24 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Literal
 
+import numpy as np
+
 from handscope.app.language import Language
 from handscope.app.report.advice import advice
 from handscope.app.report.norms import norm_of
 from handscope.app.report.references import Edition
 from handscope.app.report.units import directions_of, reading, with_unit
-from handscope.app.report.words import named
+from handscope.app.report.words import joint_words, named
 from handscope.estimators.data.trajectory import FLAG_WORDS, Flag
-from handscope.estimators.hand.anatomy import CHAINS
+from handscope.estimators.hand.anatomy import CHAINS, JOINT
 from handscope.estimators.measures.figure import Figure
 from handscope.estimators.measures.resting_drift import Drift
-from handscope.estimators.messages.sentence import codes_of
+from handscope.estimators.messages.sentence import Sentence, codes_of, messages_of, phrase
 
 MOST_POOR = 0.5  # share of the figures
 BEYOND = 3.0  # standard deviations over healthy people
-NAMED = 4  # reasons at most
+NAMED = 4  # reasons at most, and joints of one
+WIDE_SD = "measure.wide_sd"
 TODO: Mapping[str, str] = {  # the code of a figure's reason, and what to do about it
     "flag.uncalibrated": "calibrate",
     "flag.heading_lost": "calibrate",
@@ -49,6 +53,7 @@ class Doubt:
     reason: str  # in English, as the measure gave it, with its codes
     count: int  # figures concerned
     figure: Figure | None = None  # the one that is larger than healthy people reach
+    joints: tuple[str, ...] = ()  # that all of them are about; none where one is about another part
 
 
 @dataclass(frozen=True)
@@ -64,6 +69,8 @@ class Trust:
         False  # whether the other hand was measured: a question, which changes no answer
     )
     faulty: tuple[str, ...] = ()  # segments whose sensor is
+    # joints that were bent in the initial pose, with the angle: "ring_pip 37°"
+    bent: tuple[str, ...] = ()
 
 
 def judge_trust(
@@ -73,25 +80,54 @@ def judge_trust(
     drifts: Sequence[Drift] = (),
     asks_hand: bool = False,
     faulty: Sequence[str] = (),
+    bent: Sequence[str] = (),
 ) -> Trust:
-    """By the figures of a result, each with its task's name, and by what drifts at rest; `asks_hand` where it looks like the other hand's (hand_history.py), `faulty` segments whose sensor is."""
-    counts: dict[tuple[str, str], int] = {}
+    """By the figures of a result, each with its task's name, and by what drifts at rest; `asks_hand` where it looks like the other hand's (hand_history.py), `faulty` segments whose sensor is, `bent` joints that were bent in the initial pose."""
+    by_cause: dict[tuple[str, str], list[Figure]] = {}
     for task, figure in rows:
         if figure.grade != "good":
-            counts[task, figure.reason] = counts.get((task, figure.reason), 0) + 1
+            by_cause.setdefault((task, _cause(figure.reason)), []).append(figure)
     poor = sum(figure.grade == "poor" for _, figure in rows)
     good = sum(figure.grade == "good" for _, figure in rows)
     beyond = [Doubt(task, "", 1, f) for task, f in rows if _is_beyond(task, f, edition)]
     doubts = [
-        *(Doubt(task, reason, count) for (task, reason), count in counts.items()),
+        *(_doubt(task, cause, figures) for (task, cause), figures in by_cause.items()),
         *beyond,
     ]
     refused = not rows or not calibrated or poor > MOST_POOR * len(rows)
-    answer: Answer = "no" if refused else "mostly" if doubts or drifts or faulty else "yes"
+    is_doubted = doubts or drifts or faulty or bent
+    answer: Answer = "no" if refused else "mostly" if is_doubted else "yes"
     doubts.sort(key=lambda doubt: -doubt.count)
     if not calibrated:
         doubts.insert(0, Doubt("", FLAG_WORDS[Flag.UNCALIBRATED], len(rows)))
-    return Trust(answer, good, len(rows), tuple(doubts), tuple(drifts), asks_hand, tuple(faulty))
+    return Trust(
+        answer,
+        good,
+        len(rows),
+        tuple(doubts),
+        tuple(drifts),
+        asks_hand,
+        tuple(faulty),
+        tuple(bent),
+    )
+
+
+def _cause(reason: str) -> str:
+    """What figures with the same doubt have in common: a standard deviation is a number of each."""
+    if WIDE_SD not in codes_of(reason):
+        return reason
+    others = [message for message in messages_of(reason) if message.code != WIDE_SD]
+    return Sentence(*others) if others else WIDE_SD
+
+
+def _doubt(task: str, cause: str, figures: Sequence[Figure]) -> Doubt:
+    parts = list(dict.fromkeys(f.part for f in figures))
+    joints = tuple(parts) if JOINT.keys() >= {*parts} else ()
+    if cause != WIDE_SD:
+        return Doubt(task, cause, len(figures), joints=joints)
+    largest = max(float(np.degrees(f.sd or 0.0)) for f in figures)
+    wide = phrase("measure.wide_sds", sd_deg=largest) if len(figures) > 1 else figures[0].reason
+    return Doubt(task, wide, len(figures), joints=joints)
 
 
 def trust_payload(
@@ -111,25 +147,51 @@ def trust_payload(
         todo.append(language.say("trust.do.recalibrate"))
     if trust.doubts and not todo:
         todo = [language.say("trust.do.repeat")]
-    listed = [language.say("trust.other_hand")] if trust.asks_hand else []
     todo = ([language.say("trust.do.other_hand")] if trust.asks_hand else []) + todo
+    return {
+        "answer": trust.answer,
+        "words": _answer_words(trust, language),
+        "reasons": _reasons(trust, titles, language, edition),
+        "todo": todo,
+        "untested": list(_untested_words(untested, language)),
+    }
+
+
+def trust_sentences(
+    trust: Trust, titles: Mapping[str, str], language: Language, edition: Edition | None = None
+) -> list[str]:
+    """For a report: the answer and its reasons; of joints that were bent in the pose that they were."""
+    bent = [_bent_words(trust.bent, language)] if trust.bent else []
+    reasons = _reasons(trust, titles, language, edition)
+    return [language.say("trust.question"), _answer_words(trust, language), *bent, *reasons]
+
+
+def _reasons(
+    trust: Trust, titles: Mapping[str, str], language: Language, edition: Edition | None
+) -> list[str]:
+    listed = [language.say("trust.other_hand")] if trust.asks_hand else []
     if trust.faulty:
         parts = language.several(map(language.segment, trust.faulty))
         listed.append(language.say("trust.faulty", parts=parts))
     listed += [_drift_words(d, language) for d in trust.drifts]
     listed += [_doubt_words(d, titles, language, edition) for d in trust.doubts[:NAMED]]
     more = len(trust.doubts) - NAMED
-    return {
-        "answer": trust.answer,
-        "words": language.counted(
-            f"trust.{trust.answer}", trust.count, good=language.number(trust.good)
-        )
-        if trust.count
-        else language.say("trust.nothing"),
-        "reasons": listed + ([language.counted("trust.more", more)] if more > 0 else []),
-        "todo": todo,
-        "untested": list(_untested_words(untested, language)),
-    }
+    return [*listed, *([language.counted("trust.more", more)] if more > 0 else [])]
+
+
+def _bent_words(bent: Sequence[str], language: Language) -> str:
+    """ "ring_pip 37°" as a reader has it."""
+    pairs = (each.split() for each in bent)
+    joints = [f"{' '.join(joint_words(joint, language))} {angle}" for joint, angle in pairs]
+    return language.say("trust.bent", joints=language.several(joints))
+
+
+def _answer_words(trust: Trust, language: Language) -> str:
+    if not trust.count:
+        return language.say("trust.nothing")
+    is_only_asked = trust.bent and trust.answer == "mostly" and trust.good == trust.count
+    key = "trust.asked" if is_only_asked else f"trust.{trust.answer}"
+    return language.counted(key, trust.count, good=language.number(trust.good))
 
 
 def _untested_words(untested: Mapping[str, Sequence[str]], language: Language) -> Iterator[str]:
@@ -159,6 +221,9 @@ def _doubt_words(
     task = titles.get(doubt.task, "") or language.say("trust.whole")
     if doubt.figure is None:
         figures = language.counted("trust.figures", doubt.count)
+        if doubt.joints and len(doubt.joints) <= NAMED:
+            joints = language.several(" ".join(joint_words(j, language)) for j in doubt.joints)
+            figures = language.say("trust.figures_of", figures=figures, joints=joints)
         reason = language.translate(doubt.reason) or language.say("trust.signal")
         return language.say("trust.doubt", task=task, figures=figures, reason=reason)
     f = doubt.figure

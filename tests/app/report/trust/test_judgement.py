@@ -6,12 +6,17 @@ import pytest
 
 from handscope.app.language import languages
 from handscope.app.protocols import load_all
-from handscope.app.results.leading_findings import faulty_sensors, leading_findings
+from handscope.app.report.trust.judgement import judge_trust, trust_payload, trust_sentences
+from handscope.app.report.trust.leading_findings import (
+    bent_joints,
+    faulty_sensors,
+    leading_findings,
+    questions,
+)
 from handscope.app.results.make import assess_result, page_content
 from handscope.app.results.result_view import calibration_payload, readings
-from handscope.app.results.trust import judge_trust, trust_payload
 from handscope.estimators.data.samples import Event
-from handscope.estimators.measures.figure import Figure, Grade
+from handscope.estimators.measures.figure import Figure, Grade, Kind
 from handscope.estimators.measures.resting_drift import Drift
 from handscope.estimators.messages import Message
 from handscope.estimators.messages.sentence import Sentence, phrase
@@ -166,6 +171,17 @@ GYROSCOPE = phrase(
     fix=phrase("fault.larger_range"),
 )
 NEGATED = Sentence(Message("sensor.accelerometer_negated", {"sensor": "ring_middle"}, "fault"))
+DOUBTFUL, OTHERS = (
+    Sentence(
+        Message(
+            "sensors.late",
+            {"sensors": sensors, "delay_ms": 200.0, "start": 1.0, "stop": 9.0, "odds": 1e6},
+            "warning",
+        )
+    )
+    for sensors in ("ring_middle", "ring_middle, hand")
+)
+BENT = ["ring_pip 31°"]
 USED = phrase("contacts.used", contacts="thumb on index finger")
 RECORDED = [USED, flagged("thumb_distal", "flag.magnetic"), AT_LIMIT, GYROSCOPE, NEGATED]
 
@@ -177,6 +193,8 @@ RECORDED = [USED, flagged("thumb_distal", "flag.magnetic"), AT_LIMIT, GYROSCOPE,
         ([AT_LIMIT, GYROSCOPE], [GYROSCOPE]),  # a sensor once
         (RECORDED[:3], [AT_LIMIT]),  # what no figure's reason names stays folded
         (RECORDED[:2], []),
+        ([DOUBTFUL, NEGATED], [NEGATED]),  # what follows from a fault
+        ([OTHERS, NEGATED], [NEGATED, OTHERS]),
     ],
 )
 def test_the_sensors_that_lower_figures_are_named_beside_the_answer(
@@ -203,14 +221,46 @@ def test_strips_on_other_fingers_and_the_other_hand_are_told_beside_the_answer(
     assert leading_findings(trust, [found]) == [found]
 
 
-def test_joints_that_were_bent_in_the_pose_are_asked_about_whatever_the_answer() -> None:
+def test_joints_that_were_bent_in_the_pose_are_asked_about_apart_from_sensors() -> None:
     asked = Sentence(Message("person.bent_in_pose", {"joints": "ring_pip 31°"}, "info"))
     bone = {"segment": "ring_proximal", "seen_mm": 52.0, "declared_mm": 40.0}
     other = Sentence(Message("person.bone_length", bone, "info"))
-    good = judge_trust([("rom_fist", figure())], True)
-    doubtful = judge_trust([("rom_fist", figure("poor", LIMIT))], True)
-    assert leading_findings(good, [other, asked]) == [asked]
-    assert leading_findings(doubtful, [other, asked, NEGATED]) == [NEGATED, asked]
+    doubtful = judge_trust([("rom_fist", figure("poor", LIMIT))], True, bent=BENT)
+    assert questions([other, asked, NEGATED]) == [asked]
+    assert bent_joints([other, asked, NEGATED, asked]) == BENT
+    assert leading_findings(doubtful, [other, asked, NEGATED]) == [NEGATED]
+
+
+@pytest.mark.parametrize(
+    ("grade", "words"),
+    [
+        ("good", "Mostly: all 2 figures can be relied on but those of the joints named below."),
+        ("poor", "Mostly: 1 of 2 figures can be relied on."),
+    ],
+)
+def test_an_open_question_about_the_pose_is_no_yes(grade: Grade, words: str) -> None:
+    rows = [("rom_fist", figure(grade, LIMIT)), ("rom_fist", figure())]
+    told = trust_payload(judge_trust(rows, True, bent=BENT), {}, EN)
+    assert (told["answer"], told["words"]) == ("mostly", words)
+
+
+def test_a_report_says_it_with_the_reasons_and_the_joints_that_were_bent() -> None:
+    rows = [("", figure("fair", LIMIT)), ("", figure())]
+    trust = judge_trust(rows, True, faulty=["index_middle"], bent=BENT)
+    answer, mostly, bent, faulty, doubt = trust_sentences(trust, {}, EN)
+    assert answer.endswith("?") and mostly.startswith("Mostly: 1 of 2")
+    assert "Ring PIP 31°" in bent and "index" in faulty and "sensor at its limit" in doubt
+
+
+def test_figures_that_one_thing_makes_doubtful_are_one_reason_with_their_joints() -> None:
+    kind, doubtful = Kind("flexion_max", "rad", "x", "x"), phrase("flag.doubtful")
+    worn = [kind.of(0.3, sd, "fair", doubtful, "index_pip") for sd in (0.5, 0.9)]
+    bent = [kind.of(0.3, sd, part=joint) for joint, sd in (("ring_pip", 0.2), ("ring_dip", 0.3))]
+    rows = [("", f) for f in (*worn, *bent, *[figure()] * 5)]
+    assert trust_payload(judge_trust(rows, True), {}, EN)["reasons"] == [
+        f"Whole recording, 2 figures (Index PIP): {doubtful}.",
+        "Whole recording, 2 figures (Ring PIP; Ring DIP): standard deviations of up to 17 deg.",
+    ]
 
 
 def test_a_faulty_sensor_whose_joints_have_no_figures_is_no_yes() -> None:
@@ -223,10 +273,5 @@ def test_a_faulty_sensor_whose_joints_have_no_figures_is_no_yes() -> None:
 
 def test_faulty_sensors_are_those_that_messages_of_faults_name() -> None:
     identical = Message("sensors.identical", {"first": "ring_middle", "second": "hand"}, "fault")
-    doubtful = Message(
-        "sensors.late",
-        {"sensors": "thumb_distal", "delay_ms": 200.0, "start": 1.0, "stop": 9.0, "odds": 1e6},
-        "warning",
-    )
-    texts = [Sentence(identical), Sentence(doubtful)]
+    texts = [Sentence(identical), DOUBTFUL]
     assert faulty_sensors(texts) == ["ring_middle", "hand"]

@@ -1,0 +1,1 @@
+"""Whether figures can be trusted, and which messages say why."""
