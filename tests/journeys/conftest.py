@@ -1,20 +1,22 @@
 """A real server with virtual gloves, and real browsers on it; every page's console is listened to."""
 
+import os
 import signal
 import socket
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page, expect, sync_playwright
 
+from handscope.app.workers.process import CONTEXT
+from tests import fork_server
 from tests.browser import KEPT_APART, UNDRAWN, chromium
 from tests.journeys.house import (
     LONG,
     RETRIES,
-    ROOT,
     Server,
     api,
     begun,
@@ -67,41 +69,38 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     poses.bind(("127.0.0.1", 0))
     poses.settimeout(LONG / 1000)
     words = [
-        sys.executable,
-        "-P",
-        "-m",
-        "handscope.app.cli",
-        "demo",
-        "--no-browser",
-        "--no-examples",
-        "--port",
-        "0",
-        "--data",
-        str(data),
-        "--rate",  # half of a real glove's: every sample costs the two cores of the suite
-        "50",
-        "--allow-port",
-        "socket://127.0.0.1:*",
-        "--allow-outlet",
-        f"osc://127.0.0.1:{poses.getsockname()[1]}",
-        "--allow-port",
-        "slimevr://127.0.0.1:*",
+        *("demo", "--no-browser", "--no-examples", "--port", "0", "--data", str(data)),
+        *("--rate", "50"),  # half of a real glove's: every sample costs the two cores of the suite
+        *("--allow-port", "socket://127.0.0.1:*", "--allow-port", "slimevr://127.0.0.1:*"),
+        *("--allow-outlet", f"osc://127.0.0.1:{poses.getsockname()[1]}"),
     ]
-    log = data / "errors.log"
-    with (
-        poses,
-        log.open("w") as errors,
-        subprocess.Popen(
-            words, cwd=ROOT, stdout=subprocess.PIPE, stderr=errors, text=True
-        ) as process,
-    ):
-        assert process.stdout is not None
-        first = next((line for line in process.stdout if "/login?token=" in line), None)
-        assert first is not None, log.read_text()
+    with poses, _running(words, data / "errors.log") as first:
         yield begun(first.split()[-1], data, poses)
-        process.send_signal(signal.SIGINT)  # as Ctrl-C does: the virtual gloves are ended with it
-        assert process.wait(LONG / 1000) == 130, log.read_text()
-    assert "Traceback" not in log.read_text(), log.read_text()
+    log = (data / "errors.log").read_text()
+    assert "Traceback" not in log, log
+
+
+@contextmanager
+def _running(words: list[str], log: Path) -> Iterator[str]:
+    """The program, until Ctrl-C ends it and its virtual gloves; gives the line that names its address."""
+    out, its_out = CONTEXT.Pipe(duplex=False)
+    with log.open("w") as errors:
+        its_errors = Connection(os.dup(errors.fileno()), readable=False)
+    process = CONTEXT.Process(target=fork_server.run, args=(words, its_out, its_errors))
+    process.start()
+    its_out.close(), its_errors.close()
+    try:
+        with out, open(out.fileno(), closefd=False) as said:
+            first = next((line for line in said if "/login?token=" in line), None)
+            assert first is not None, log.read_text()
+            yield first
+            assert process.pid is not None
+            os.kill(process.pid, signal.SIGINT)
+            process.join(LONG / 1000)
+            assert process.exitcode == 130, log.read_text()
+    finally:
+        process.terminate()
+        process.join()
 
 
 @pytest.fixture(scope="package")
