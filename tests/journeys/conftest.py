@@ -9,7 +9,14 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, ConsoleMessage, Page, expect, sync_playwright
+from playwright.sync_api import (
+    Browser,
+    BrowserContext,
+    ConsoleMessage,
+    Page,
+    expect,
+    sync_playwright,
+)
 
 from handscope.app.workers.process import CONTEXT
 from tests import fork_server
@@ -122,20 +129,37 @@ def newcomer(browser: Browser) -> Iterator[Page]:
     context.close()
 
 
+@pytest.fixture(scope="package")
+def with_files() -> list[BrowserContext]:
+    """Browsers that nobody uses now and that keep the server's eighty files: a new one asks for each of them."""
+    return []
+
+
 @pytest.fixture
-def another_page(browser: Browser, server: Server) -> Iterator[Callable[..., Page]]:
-    """Makes logged-in pages, opened at an address or not yet, with the 3-D scene or an empty one in its place; at the end none of them may have
-    met an error."""
+def another_page(
+    browser: Browser, server: Server, with_files: list[BrowserContext]
+) -> Iterator[Callable[..., Page]]:
+    """Makes logged-in pages, opened at an address or not yet, with the 3-D scene or an empty one in its place, in a browser that keeps nothing of
+    others but the server's files, if it is not to be a new one; at the end none of them may have met an error."""
     made: list[Page] = []
+    usual: list[BrowserContext] = []
     complaints: list[str] = []
 
-    def make(scene: bool = True, at: str | None = "/", **options: object) -> Page:
-        usual = {"viewport": SIZE, "accept_downloads": True, "base_url": server.base}
-        context = browser.new_context(**{**usual, **options})  # type: ignore[arg-type]
-        answer = context.request.post("/api/login", data={"token": server.token()})
-        assert answer.ok, answer.text()
+    def opened(**options: object) -> BrowserContext:
+        always = {"viewport": SIZE, "accept_downloads": True, "base_url": server.base}
+        context = browser.new_context(**{**always, **options})  # type: ignore[arg-type]
         context.set_default_timeout(LONG)
         context.add_init_script(drawn_seldom())
+        return context
+
+    def make(
+        scene: bool = True, at: str | None = "/", new: bool = False, **options: object
+    ) -> Page:
+        context = opened(**options) if new or options or not with_files else with_files.pop()
+        if not new and not options:
+            usual.append(context)
+        answer = context.request.post("/api/login", data={"token": server.token()})
+        assert answer.ok, answer.text()
         page = context.new_page()
         page.on("pageerror", lambda error: complaints.append(f"{page.url}: {error}"))
         page.on(
@@ -156,8 +180,23 @@ def another_page(browser: Browser, server: Server) -> Iterator[Callable[..., Pag
     yield make
     for page in made:
         _leave_gloves(page)
-        page.context.close()
+        if page.context in usual and not page.is_closed():
+            _forget(page, server)
+            with_files.append(page.context)
+        else:
+            page.context.close()
     assert complaints == []
+
+
+def _forget(page: Page, server: Server) -> None:
+    """Leave nothing in the browser but the server's files; no page stays open."""
+    context = page.context
+    stored = {"origin": server.base, "storageTypes": "cookies,local_storage,indexeddb"}
+    context.new_cdp_session(page).send("Storage.clearDataForOrigin", stored)
+    for one in context.pages:
+        one.close()
+    context.clear_cookies()
+    context.clear_permissions()
 
 
 def _leave_gloves(page: Page) -> None:
