@@ -1,11 +1,13 @@
 """Processes of the tests that are forked from the fork server, which has imported everything, and have processes of their own.
 
 The processes that run the tests have one fork server between them, of the process that hands the tests out: each its own would
-import everything as often. multiprocessing has no way of saying either.
+import everything as often. multiprocessing has no way of saying either. A command is run in one as a program is, without importing everything anew.
 """
 
 import os
+import signal
 from multiprocessing import forkserver
+from multiprocessing.connection import Connection
 
 ADDRESS = "HANDSCOPE_TESTS_FORK_SERVER"
 
@@ -29,3 +31,16 @@ def take() -> None:
 def share() -> None:
     """In a forked process: its own are forked from the same server. It would start another, which imports everything anew."""
     forkserver._forkserver.ensure_running = lambda: None  # type: ignore[attr-defined]
+
+
+def run(words: list[str], out: Connection, errors: Connection) -> None:
+    """In a forked process: `handscope` as a program with these words, what it prints goes into the pipes; Ctrl-C and SIGTERM end it as they end a program."""
+    from handscope.app.cli import main
+
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    share()
+    for stream, pipe in ((1, out), (2, errors)):
+        os.dup2(pipe.fileno(), stream)
+        pipe.close()
+    raise SystemExit(main(words))

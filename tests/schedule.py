@@ -1,7 +1,8 @@
 """Who runs which test: the longest files first, a file's tests in one process, the journeys in two of the processes.
 
 A journey waits for a hand that moves in real time, for a page, for a server: other processes compute meanwhile. Two servers
-and two browsers leave a core to the others. Parts of pages that are tested in a browser have one for all.
+and two browsers leave a core to the others. Parts of pages that are tested in a browser have one for all, and self-calibration's
+tests their solved fingers.
 """
 
 from collections.abc import Collection, Iterable
@@ -16,6 +17,7 @@ from tests.durations import FILES
 JOURNEYS = "tests/journeys/"
 LANES = 2
 IN_BROWSER = "_in_browser.py"
+SOLVED = "tests/solved"  # behind the journeys, which take longer
 UNKNOWN = 40.0  # s that a file takes which the table does not know yet: it must not be the last
 
 
@@ -33,12 +35,15 @@ def seconds() -> dict[str, float]:
 
 
 def lanes(known: dict[str, float]) -> dict[str, str]:
-    """The lane of each file of journeys, the longest first, each into the lane that is shorter so far; one for all that share a browser."""
+    """The lane of each file of journeys, the longest first, each into the lane that is shorter so far; one for all that share a browser, one for all
+    that share what takes seconds to solve."""
     root = FILES.parent.parent
     sharing = (FILES.parent / "app").rglob(f"test_*{IN_BROWSER}")
     files = [f.relative_to(root).as_posix() for f in FILES.with_name("journeys").rglob("test_*.py")]
     taken = dict.fromkeys((f"{JOURNEYS}{k}" for k in range(LANES)), 0.0)
     found = {f.relative_to(root).as_posix(): IN_BROWSER for f in sharing}
+    solving = (FILES.parent / "estimators" / "self_calibration").rglob("test_*.py")
+    found |= {f.relative_to(root).as_posix(): SOLVED for f in solving}
     for file in sorted(files, key=lambda f: (-known.get(f, UNKNOWN), f)):
         found[file] = min(taken, key=lambda lane: taken[lane])
         taken[found[file]] += known.get(file, UNKNOWN)

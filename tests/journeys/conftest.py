@@ -1,20 +1,29 @@
 """A real server with virtual gloves, and real browsers on it; every page's console is listened to."""
 
+import os
 import signal
 import socket
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, ConsoleMessage, Page, expect, sync_playwright
+from playwright.sync_api import (
+    Browser,
+    BrowserContext,
+    ConsoleMessage,
+    Page,
+    expect,
+    sync_playwright,
+)
 
+from handscope.app.workers.process import CONTEXT
+from tests import fork_server
 from tests.browser import KEPT_APART, UNDRAWN, chromium
 from tests.journeys.house import (
     LONG,
     RETRIES,
-    ROOT,
     Server,
     api,
     begun,
@@ -67,41 +76,38 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     poses.bind(("127.0.0.1", 0))
     poses.settimeout(LONG / 1000)
     words = [
-        sys.executable,
-        "-P",
-        "-m",
-        "handscope.app.cli",
-        "demo",
-        "--no-browser",
-        "--no-examples",
-        "--port",
-        "0",
-        "--data",
-        str(data),
-        "--rate",  # half of a real glove's: every sample costs the two cores of the suite
-        "50",
-        "--allow-port",
-        "socket://127.0.0.1:*",
-        "--allow-outlet",
-        f"osc://127.0.0.1:{poses.getsockname()[1]}",
-        "--allow-port",
-        "slimevr://127.0.0.1:*",
+        *("demo", "--no-browser", "--no-examples", "--port", "0", "--data", str(data)),
+        *("--rate", "50"),  # half of a real glove's: every sample costs the two cores of the suite
+        *("--allow-port", "socket://127.0.0.1:*", "--allow-port", "slimevr://127.0.0.1:*"),
+        *("--allow-outlet", f"osc://127.0.0.1:{poses.getsockname()[1]}"),
     ]
-    log = data / "errors.log"
-    with (
-        poses,
-        log.open("w") as errors,
-        subprocess.Popen(
-            words, cwd=ROOT, stdout=subprocess.PIPE, stderr=errors, text=True
-        ) as process,
-    ):
-        assert process.stdout is not None
-        first = next((line for line in process.stdout if "/login?token=" in line), None)
-        assert first is not None, log.read_text()
+    with poses, _running(words, data / "errors.log") as first:
         yield begun(first.split()[-1], data, poses)
-        process.send_signal(signal.SIGINT)  # as Ctrl-C does: the virtual gloves are ended with it
-        assert process.wait(LONG / 1000) == 130, log.read_text()
-    assert "Traceback" not in log.read_text(), log.read_text()
+    log = (data / "errors.log").read_text()
+    assert "Traceback" not in log, log
+
+
+@contextmanager
+def _running(words: list[str], log: Path) -> Iterator[str]:
+    """The program, until Ctrl-C ends it and its virtual gloves; gives the line that names its address."""
+    out, its_out = CONTEXT.Pipe(duplex=False)
+    with log.open("w") as errors:
+        its_errors = Connection(os.dup(errors.fileno()), readable=False)
+    process = CONTEXT.Process(target=fork_server.run, args=(words, its_out, its_errors))
+    process.start()
+    its_out.close(), its_errors.close()
+    try:
+        with out, open(out.fileno(), closefd=False) as said:
+            first = next((line for line in said if "/login?token=" in line), None)
+            assert first is not None, log.read_text()
+            yield first
+            assert process.pid is not None
+            os.kill(process.pid, signal.SIGINT)
+            process.join(LONG / 1000)
+            assert process.exitcode == 130, log.read_text()
+    finally:
+        process.terminate()
+        process.join()
 
 
 @pytest.fixture(scope="package")
@@ -123,20 +129,37 @@ def newcomer(browser: Browser) -> Iterator[Page]:
     context.close()
 
 
+@pytest.fixture(scope="package")
+def with_files() -> list[BrowserContext]:
+    """Browsers that nobody uses now and that keep the server's eighty files: a new one asks for each of them."""
+    return []
+
+
 @pytest.fixture
-def another_page(browser: Browser, server: Server) -> Iterator[Callable[..., Page]]:
-    """Makes logged-in pages, opened at an address or not yet, with the 3-D scene or an empty one in its place; at the end none of them may have
-    met an error."""
+def another_page(
+    browser: Browser, server: Server, with_files: list[BrowserContext]
+) -> Iterator[Callable[..., Page]]:
+    """Makes logged-in pages, opened at an address or not yet, with the 3-D scene or an empty one in its place, in a browser that keeps nothing of
+    others but the server's files, if it is not to be a new one; at the end none of them may have met an error."""
     made: list[Page] = []
+    usual: list[BrowserContext] = []
     complaints: list[str] = []
 
-    def make(scene: bool = True, at: str | None = "/", **options: object) -> Page:
-        usual = {"viewport": SIZE, "accept_downloads": True, "base_url": server.base}
-        context = browser.new_context(**{**usual, **options})  # type: ignore[arg-type]
-        answer = context.request.post("/api/login", data={"token": server.token()})
-        assert answer.ok, answer.text()
+    def opened(**options: object) -> BrowserContext:
+        always = {"viewport": SIZE, "accept_downloads": True, "base_url": server.base}
+        context = browser.new_context(**{**always, **options})  # type: ignore[arg-type]
         context.set_default_timeout(LONG)
         context.add_init_script(drawn_seldom())
+        return context
+
+    def make(
+        scene: bool = True, at: str | None = "/", new: bool = False, **options: object
+    ) -> Page:
+        context = opened(**options) if new or options or not with_files else with_files.pop()
+        if not new and not options:
+            usual.append(context)
+        answer = context.request.post("/api/login", data={"token": server.token()})
+        assert answer.ok, answer.text()
         page = context.new_page()
         page.on("pageerror", lambda error: complaints.append(f"{page.url}: {error}"))
         page.on(
@@ -157,8 +180,23 @@ def another_page(browser: Browser, server: Server) -> Iterator[Callable[..., Pag
     yield make
     for page in made:
         _leave_gloves(page)
-        page.context.close()
+        if page.context in usual and not page.is_closed():
+            _forget(page, server)
+            with_files.append(page.context)
+        else:
+            page.context.close()
     assert complaints == []
+
+
+def _forget(page: Page, server: Server) -> None:
+    """Leave nothing in the browser but the server's files; no page stays open."""
+    context = page.context
+    stored = {"origin": server.base, "storageTypes": "cookies,local_storage,indexeddb"}
+    context.new_cdp_session(page).send("Storage.clearDataForOrigin", stored)
+    for one in context.pages:
+        one.close()
+    context.clear_cookies()
+    context.clear_permissions()
 
 
 def _leave_gloves(page: Page) -> None:

@@ -1,17 +1,19 @@
 """New databases of the tests: copies of one that the migrations have made, since they take longer than most tests.
 
 A database of an earlier version runs through the migrations that it lacks; so does everything on PostgreSQL and in programs that tests start.
+Databases of this process do not wait for the disk, which none of its tests takes away: that is of programs (tests/faults).
 """
 
 import sqlite3
 from pathlib import Path
+from typing import Any
 
 import pytest
 from sqlalchemy import Engine
 
 from handscope.sessions.store import database
 
-_migrate = database.upgrade
+_migrate, _prepare = database.upgrade, database._prepare_sqlite
 
 
 def use(patch: pytest.MonkeyPatch, folder: Path) -> None:
@@ -24,6 +26,12 @@ def use(patch: pytest.MonkeyPatch, folder: Path) -> None:
         _migrate(engine, to)
 
     patch.setattr(database, "upgrade", upgrade)
+    patch.setattr(database, "_prepare_sqlite", _prepare_without_waiting)
+
+
+def _prepare_without_waiting(connection: Any, record: object) -> None:
+    _prepare(connection, record)
+    connection.execute("PRAGMA synchronous=OFF")
 
 
 def _is_empty(engine: Engine) -> bool:

@@ -95,7 +95,12 @@ def _built(
     hand: Hand, lengths: Lengths, joints: Places, tip_tissue: Lengths, palm_length: float
 ) -> HandMesh:
     geometry = HandGeometry(hand, dict(lengths), dict(joints), dict(tip_tissue), palm_length)
-    built = _hand(geometry)
+    if hand == "left":
+        built = _left(geometry)
+    else:
+        places = tuple((joint, (-x, -y, -z)) for joint, (x, y, z) in joints)
+        left = _built("left", lengths, places, tip_tissue, palm_length)
+        built = _right(left, bones.rest(geometry))
     for mesh in (
         built.palm,
         built.cuff,
@@ -108,15 +113,28 @@ def _built(
     return built
 
 
-def _hand(geometry: HandGeometry) -> HandMesh:
-    shape = palm_shape(geometry)
-    side = _same if geometry.hand == "left" else mirrored
+def _right(left: HandMesh, rest: Array) -> HandMesh:
+    def each(meshes: Mapping[str, SkinnedMesh]) -> dict[str, SkinnedMesh]:
+        return {finger: mirrored(mesh) for finger, mesh in meshes.items()}
+
     return HandMesh(
-        side(palm(shape)),
-        side(cuff(shape)),
-        {finger: side(_finger(finger, shape.roots[finger])) for finger in FINGERS},
-        {finger: side(_nail(finger, shape.roots[finger])) for finger in FINGERS},
-        {finger: side(_finger(finger, shape.roots[finger], _FIRST_JOINT)) for finger in FINGERS},
+        mirrored(left.palm),
+        mirrored(left.cuff),
+        each(left.fingers),
+        each(left.nails),
+        each(left.whole_fingers),
+        rest,
+    )
+
+
+def _left(geometry: HandGeometry) -> HandMesh:
+    shape = palm_shape(geometry)
+    return HandMesh(
+        palm(shape),
+        cuff(shape),
+        {finger: _finger(finger, shape.roots[finger]) for finger in FINGERS},
+        {finger: _nail(finger, shape.roots[finger]) for finger in FINGERS},
+        {finger: _finger(finger, shape.roots[finger], _FIRST_JOINT) for finger in FINGERS},
         bones.rest(geometry),
     )
 
@@ -125,10 +143,6 @@ def _without_base(finger: SkinnedMesh) -> SkinnedMesh:
     """A finger without its base, which lies in the palm and would show through."""
     base = np.isin(finger.faces, [*range(finger_mesh.AROUND), len(finger.vertices) - 2]).any(axis=1)
     return replace(finger, faces=finger.faces[~base])
-
-
-def _same(mesh: SkinnedMesh) -> SkinnedMesh:
-    return mesh
 
 
 def _finger(finger: str, root: Root, start: float | None = None) -> SkinnedMesh:

@@ -4,13 +4,11 @@ import os
 import signal
 import subprocess
 import sys
-from multiprocessing.connection import Connection
 from pathlib import Path
 
 import pytest
 
-from handscope.app.cli import main
-from handscope.app.workers.process import CONTEXT, restore_terminal_signals
+from handscope.app.workers.process import CONTEXT
 from tests import fork_server
 
 WAIT = 120.0  # s until a test gives up
@@ -46,7 +44,7 @@ def test_ctrl_c_at_the_program_ends_its_gloves(tmp_path: Path) -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="forked on Linux alone")
 def test_a_request_to_end_ends_its_gloves(tmp_path: Path) -> None:
     (out, its_out), (errors, its_errors) = CONTEXT.Pipe(duplex=False), CONTEXT.Pipe(duplex=False)
-    demo = CONTEXT.Process(target=_demo, args=(its_out, its_errors, tmp_path))
+    demo = CONTEXT.Process(target=fork_server.run, args=(words(tmp_path), its_out, its_errors))
     demo.start()
     its_out.close(), its_errors.close()
     with (
@@ -64,13 +62,3 @@ def test_a_request_to_end_ends_its_gloves(tmp_path: Path) -> None:
     demo.join(WAIT)
     assert demo.exitcode == 143
     assert not any(glove.is_symlink() for glove in gloves)
-
-
-def _demo(out: Connection, errors: Connection, folder: Path) -> None:
-    """In a process that has imported everything."""
-    restore_terminal_signals()
-    fork_server.share()
-    for stream, pipe in ((1, out), (2, errors)):
-        os.dup2(pipe.fileno(), stream)
-        pipe.close()
-    raise SystemExit(main(words(folder)))

@@ -24,8 +24,8 @@ SIGN = f"gyroscope {SENSOR} 1 0 0 0 1 0 0 0 -1"
 
 @pytest.fixture(scope="module")
 def intact(tmp_path_factory: pytest.TempPathFactory) -> LoadedRecording:
-    path = tmp_path_factory.mktemp("intact") / "rom.zip"
-    assert main(["simulate", "rom", "--hand", "left", "--out", str(path)]) == 0
+    path = tmp_path_factory.mktemp("intact") / "fist.zip"
+    assert main(["simulate", "rom_fist", "--hand", "left", "--out", str(path)]) == 0
     return formats_recordings.load(path)
 
 

@@ -219,6 +219,7 @@ def test_characters_without_a_glyph_are_printed_by_their_number() -> None:
     assert "[U+FEFF]first" in text_of(report(visit=replace(VISIT, patient="\ufefffirst")))
 
 
+@pytest.mark.usefixtures("drawn_anew")
 def test_the_same_content_gives_the_same_bytes_also_in_parallel() -> None:
     with ThreadPoolExecutor(3) as pool:
         made = list(pool.map(lambda _: pdf_(report()), range(2)))

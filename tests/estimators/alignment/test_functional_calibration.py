@@ -2,12 +2,14 @@
 either hand."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
 from handscope.estimators.alignment import functional_calibration, initial_pose
 from handscope.estimators.alignment.functional_movements import STEPS
+from handscope.estimators.data.trajectory import Trajectory
 from handscope.estimators.hand.anatomy import FINGERS, HANDS, JOINT, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.methods import m2
@@ -49,6 +51,12 @@ def _combined(recording: Simulated, *without: str):
     return functional_calibration.combine(PARAMS, kept, posed(recording), recording.mounting)
 
 
+@cache
+def _estimated(hand: Hand) -> Trajectory:
+    """Of all tasks after the steps."""
+    return process(m2, PARAMS, done(hand, after=True)).trajectory
+
+
 def _without(recording: Simulated, *steps: str) -> Simulated:
     return replace(
         recording, events=tuple(e for e in recording.events if e.trial_type not in steps)
@@ -73,7 +81,7 @@ def test_axes_of_sensors_put_on_anyhow_are_found_within_two_degrees(hand: Hand) 
 @pytest.mark.parametrize("task", MAIN)
 def test_main_angles_meet_their_targets(hand: Hand, task: str) -> None:
     recording = done(hand, after=True)
-    moved = process(m2, PARAMS, recording).trajectory
+    moved = _estimated(hand)
     event = next(e for e in recording.events if e.details.get("task_name") == task)
     inside = (moved.t >= event.onset) & (moved.t <= event.end)
     error = moved.angles[inside] - recording.truth.angles[inside]

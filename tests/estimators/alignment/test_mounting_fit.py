@@ -8,6 +8,7 @@ from handscope.estimators.hand.anatomy import JOINTS, Hand
 from handscope.estimators.methods import m2
 from handscope.estimators.numerics import quaternions as quat
 from tests.estimators.alignment.functional import PERFECT, TURNED, done, errors_of, pieces, posed
+from tests.schedule import swept
 from tests.simulated import DEG
 
 
@@ -37,12 +38,13 @@ def test_without_any_carelessness_or_noise_the_mounting_is_found(hand: Hand) -> 
     assert max(np.linalg.norm(e) for e in errors_of(recording, found).values()) < 0.25 * DEG
 
 
-def test_standard_deviations_are_honest() -> None:
+@pytest.mark.parametrize("people", swept([2, 4], kept=[2]))
+def test_standard_deviations_are_honest(people: int) -> None:
     """Normalised error squared of sensors put on anyhow by careless people, about each axis, of all
     sensors together and of neighbours' flexions: what a posture misses is shared by the sensors of
     a finger."""
     squared, together, bends = [], [], []
-    for seed, hand in ((3, "left"), (4, "right"), (5, "left"), (6, "right")):
+    for seed, hand in ((3, "left"), (4, "right"), (5, "left"), (6, "right"))[:people]:
         recording = done(hand, seed)
         found = functional_calibration.combine(m2.Params(), pieces(recording), posed(recording), {})
         errors = errors_of(recording, found)

@@ -26,6 +26,7 @@ from tests.estimators.fault_detection.joint_recordings import (
     loosened,
     slipped,
 )
+from tests.schedule import swept
 
 GEOMETRY = sized("left")
 
@@ -133,7 +134,10 @@ def with_exchanged_fingers(recording: Simulated, one: str, other: str) -> list[B
     return blocks
 
 
-@pytest.mark.parametrize("pair", [("index", "ring"), ("index", "middle"), ("ring", "little")])
+@pytest.mark.parametrize(
+    "pair",
+    swept([("index", "ring"), ("index", "middle"), ("ring", "little")], [("index", "middle")]),
+)
 def test_two_exchanged_fingers_are_named(pair: tuple[str, str]) -> None:
     (found,) = told(with_exchanged_fingers(freely_moved(), *pair))
     assert found.message.code == "fingers.exchanged"
@@ -152,8 +156,16 @@ def test_exchanged_fingers_are_found_in_a_hand_that_the_forearm_turns_while_they
 @pytest.mark.parametrize(
     ("order", "moved"),
     [
-        (("middle", "ring", "little", "index"), "index, middle, ring, little"),  # one further, each
-        (("little", "ring", "middle", "index"), "index, middle, ring, little"),
+        pytest.param(  # one further, each
+            ("middle", "ring", "little", "index"),
+            "index, middle, ring, little",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            ("little", "ring", "middle", "index"),
+            "index, middle, ring, little",
+            marks=pytest.mark.slow,
+        ),
         (("middle", "ring", "index", "little"), "index, middle, ring"),
     ],
 )
@@ -186,7 +198,7 @@ def gapped(blocks: list[Block]) -> list[Block]:
     return [replace(b, t=b.t[(kept := b.t % 1.0 < 0.92)], values=b.values[kept]) for b in blocks]
 
 
-@pytest.mark.parametrize("sensor", ["middle_middle", "ring_proximal"])
+@pytest.mark.parametrize("sensor", swept(["middle_middle", "ring_proximal"], ["ring_proximal"]))
 @pytest.mark.parametrize(("losses", "seconds"), [(list, 0.2), (list, 0.1), (gapped, 0.1)])
 def test_a_sensor_that_its_gyroscope_saw_turn_on_its_segment_is_named(
     sensor: str, losses: Callable[[list[Block]], list[Block]], seconds: float
@@ -201,7 +213,11 @@ def test_a_sensor_that_its_gyroscope_saw_turn_on_its_segment_is_named(
 
 
 @pytest.mark.parametrize(
-    ("movement", "sensor"), [("opposing", "index_middle"), ("slow fist", "index_distal")]
+    ("movement", "sensor"),
+    [
+        pytest.param("opposing", "index_middle", marks=pytest.mark.slow),
+        ("slow fist", "index_distal"),
+    ],
 )
 def test_a_turn_that_a_gyroscope_saw_is_named_in_the_simulator_that_is_not_ours(
     movement: str, sensor: str
@@ -253,7 +269,11 @@ def turned_about() -> Simulated:
 
 
 @pytest.mark.parametrize(
-    "pair", [("ring_middle", "ring_distal"), ("index_proximal", "index_middle")]
+    "pair",
+    swept(
+        [("ring_middle", "ring_distal"), ("index_proximal", "index_middle")],
+        [("ring_middle", "ring_distal")],
+    ),
 )
 def test_sensors_of_a_finger_that_does_not_bend_are_told_apart_by_their_distances(
     pair: tuple[str, str],
@@ -265,7 +285,9 @@ def test_sensors_of_a_finger_that_does_not_bend_are_told_apart_by_their_distance
     assert found.correction is not None and set(found.correction["exchange"]) == set(pair)  # type: ignore[call-overload]
 
 
-@pytest.mark.parametrize("rattling", [None, "thumb_proximal", "ring_middle"])
+@pytest.mark.parametrize(
+    "rattling", swept([None, "thumb_proximal", "ring_middle"], [None, "thumb_proximal"])
+)
 def test_mirrored_knuckles_are_told(rattling: str | None) -> None:
     """Whatever is wrong with one finger; of the other hand's thumb much seems to be."""
     mirrored = replace(
@@ -301,7 +323,7 @@ def without_accelerations(seed: int) -> list[Block]:
     return [Block(Stream("imu", sensors, (GYR, ACC), 100.0), t, values)]
 
 
-@pytest.mark.parametrize("seed", [0, 2])
+@pytest.mark.parametrize("seed", swept([0, 2], [0]))
 def test_a_glove_without_accelerations_of_its_movement_is_not_suspected(seed: int) -> None:
     assert told(without_accelerations(seed)) == []
 
@@ -320,7 +342,7 @@ def test_nothing_and_one_sensor_are_no_error() -> None:
     assert told([one]) == []
 
 
-@pytest.mark.parametrize("person", [10301, 12328])
+@pytest.mark.parametrize("person", swept([10301, 12328], [12328]))
 def test_a_forearm_that_turns_about_a_finger_tells_no_length_of_its_bones(person: int) -> None:
     """Its joints stay where they are: gravity alone, which tells no heading."""
     assert suspicions_of(crosschecks.recorded("forearm turned", person).declared()) == []

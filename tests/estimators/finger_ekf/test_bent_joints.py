@@ -10,19 +10,21 @@ from handscope.estimators.finger_ekf.sensor_to_segment import SensorToSegmentPar
 from handscope.estimators.hand.anatomy import FINGERS, FLEXION, IS_DOF, JOINT, SEGMENT, SEGMENTS
 from handscope.estimators.recording_checks.pose_gravity import LEAST
 from tests.estimators.finger_ekf.test_pose_inference import angles_of, taken
+from tests.schedule import swept
 from tests.simulated import DEG
 
 PARAMS = SensorToSegmentParams()
 CURLED = [f"{f}_{level}" for f in FINGERS[1:] for level in ("mcp", "pip", "dip")]
 
 
+@pytest.mark.parametrize("people", swept([20, 60], kept=[20]))
 @pytest.mark.parametrize(("misaligned", "missed"), [(4.5, 3.0), (4.5, 5.0), (10.0, 3.0)])
 def test_poses_that_are_merely_missed_have_no_bent_joints(
-    misaligned: float, missed: float, rng: np.random.Generator
+    misaligned: float, missed: float, people: int, rng: np.random.Generator
 ) -> None:
     """How seldom they have, by size: docs/decisions/0014-bent-joints.py."""
-    poses = [taken(rng, misaligned * DEG, missed * DEG * IS_DOF)[0] for _ in range(60)]
-    assert [bent_joints.find(PARAMS, c) for c in poses] == [()] * 60
+    poses = [taken(rng, misaligned * DEG, missed * DEG * IS_DOF)[0] for _ in range(people)]
+    assert [bent_joints.find(PARAMS, c) for c in poses] == [()] * people
 
 
 @pytest.mark.parametrize("joint", ["index_pip", "ring_mcp"])

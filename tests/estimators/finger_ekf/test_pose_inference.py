@@ -15,6 +15,7 @@ from handscope.estimators.hand.geometry import sized
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.orientation.fusion import make_upright
+from tests.schedule import swept
 from tests.simulated import DEG
 
 MOUNTING_SD, GRAVITY_SD = 4.5 * DEG, 0.3 * DEG
@@ -66,11 +67,12 @@ def angles_of(calibration: Calibration) -> Array:
     return joint_angles.of_segments(q_GB)
 
 
+@pytest.mark.parametrize("people", swept([20, 60], kept=[20]))
 def test_flexion_is_closer_to_the_truth_and_its_standard_deviation_is_honest(
-    rng: np.random.Generator,
+    people: int, rng: np.random.Generator
 ) -> None:
     before, after, normalised = [], [], []
-    for _ in range(60):
+    for _ in range(people):
         calibration, truth, _ = taken(rng)
         inferred, P = pose_inference.infer(calibration, MOUNTING_SD, POSE_SD, GRAVITY_SD)
         sd = np.sqrt(np.diag(P)[pose_inference.MOUNTINGS :]).reshape(-1, 3)
@@ -82,13 +84,14 @@ def test_flexion_is_closer_to_the_truth_and_its_standard_deviation_is_honest(
     assert 0.85 < np.mean(normalised) < 1.15
 
 
+@pytest.mark.parametrize("people", swept([10, 30], kept=[10]))
 @pytest.mark.parametrize(("missed", "fixed", "learnt"), [(2.5, 1.0, 1.4), (5.0, 4.0, 2.5)])
 def test_a_pose_that_is_missed_by_more_than_the_option_widens_the_standard_deviations(
-    missed: float, fixed: float, learnt: float, rng: np.random.Generator
+    missed: float, fixed: float, learnt: float, people: int, rng: np.random.Generator
 ) -> None:
     """The option is 2 deg; `measured` says that its size is known."""
     pose_sd, normalised = 2.0 * DEG * IS_DOF, ([], [])
-    for _ in range(30):
+    for _ in range(people):
         calibration, truth, _ = taken(rng, pose_sd=missed * DEG * IS_DOF)
         for is_known, found in zip((True, False), normalised):
             inferred, P = pose_inference.infer(

@@ -21,6 +21,7 @@ from handscope.estimators.simulation.force_sensors import ForceErrors
 from handscope.estimators.simulation.movements.object_dynamics import Mishap
 from handscope.estimators.simulation.scenario import Simulated
 from tests.estimators.force.lifted import done, followed
+from tests.schedule import swept
 
 Change = Callable[[Array, Array], Array]
 
@@ -39,9 +40,10 @@ def changed(made: Simulated, change: Change, told: bool = True) -> Simulated:
     return replace(made, samples={**made.samples, "force": spoilt})
 
 
-def test_mass_and_forces_are_near_the_truth_and_as_sure_as_they_say() -> None:
+@pytest.mark.parametrize("trials", swept([4, 8], kept=[4]))
+def test_mass_and_forces_are_near_the_truth_and_as_sure_as_they_say(trials: int) -> None:
     off, surprise, of_forces = [], [], []
-    for seed in range(8):
+    for seed in range(trials):
         made, true = done(seed, mass=0.28 if seed % 2 else 0.44)
         moved = followed(made).trajectory
         event = next(e for e in made.events if e.trial_type == "task")

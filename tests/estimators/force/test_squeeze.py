@@ -16,6 +16,7 @@ from handscope.estimators.simulation.movements import object_dynamics
 from handscope.estimators.simulation.movements.object_dynamics import Mishap
 from handscope.estimators.simulation.scenario import Simulated
 from tests.estimators.force.lifted import done, followed
+from tests.schedule import swept
 
 
 @cache
@@ -37,9 +38,10 @@ def figures(made: Simulated, moved: Trajectory | None = None) -> dict[str, Figur
     return {f.name: f for f in squeeze.figures(found)}
 
 
-def test_stiffness_is_near_the_truth_and_as_sure_as_it_says() -> None:
+@pytest.mark.parametrize("trials", swept([3, 6], kept=[3]))
+def test_stiffness_is_near_the_truth_and_as_sure_as_it_says(trials: int) -> None:
     off, surprise = [], []
-    for seed in range(6):
+    for seed in range(trials):
         (made, true), moved = spring(seed), spring_moved(seed)
         f = figures(made, moved)
         assert f["squeeze_count"].value == 8

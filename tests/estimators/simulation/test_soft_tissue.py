@@ -96,7 +96,7 @@ def test_misalignments_of_every_distribution_are_as_large() -> None:
     for distribution in ("listed", *DISTRIBUTIONS):
         worn = [
             sensors.mount_sensors(SEGMENTS, geometry, SensorErrors(distribution=distribution), rng)
-            for rng in np.random.default_rng(5).spawn(60)
+            for rng in np.random.default_rng(5).spawn(20)
         ]
         turns = np.array([quat.log(w.q_BS) for w in worn])
         sizes.append(float(np.degrees(np.sqrt((turns**2).mean()))))

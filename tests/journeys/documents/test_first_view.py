@@ -27,7 +27,7 @@ def asked_by(page: Page, base: str) -> list[str]:
 def test_the_first_view_asks_for_each_thing_once(
     another_page: Callable[..., Page], place: str
 ) -> None:
-    page = another_page(at=None)
+    page = another_page(at=None, new=True)
     number = new_patient(page)
     base = page.request.get("/").url.removesuffix("/")
     asked = asked_by(page, base)
@@ -53,7 +53,7 @@ def test_a_later_view_asks_for_no_file(page: Page) -> None:
 def test_an_early_answer_that_nobody_took_is_not_shown_later(
     another_page: Callable[..., Page],
 ) -> None:
-    page = another_page(at=None)
+    page = another_page(at=None, new=True)
     held: list[Route] = []
     page.route("**/static/pages/patients.js", lambda route: held.append(route))
     with page.expect_response(lambda answer: answer.url.endswith(LIST)):
@@ -69,7 +69,7 @@ def test_an_early_answer_that_nobody_took_is_not_shown_later(
 def test_a_second_station_has_its_hand_without_the_page_of_the_scene_sent_again(
     another_page: Callable[..., Page],
 ) -> None:
-    page = another_page(at=None)
+    page = another_page(at=None, new=True)
     wanted = {"hand": "right", "port": api(page, "/api/gloves")[1]["path"]}
     sent = []
     for _ in range(2):
@@ -88,7 +88,7 @@ def test_a_second_station_has_its_hand_without_the_page_of_the_scene_sent_again(
 def test_the_form_for_a_session_has_the_page_of_the_scene_kept_before_its_station_shows_it(
     another_page: Callable[..., Page],
 ) -> None:
-    page = another_page(at=None)
+    page = another_page(at=None, new=True)
     number = new_patient(page)
     with page.expect_response("**/scene/") as sent:
         page.goto(f"/patients/{number}")
@@ -106,7 +106,7 @@ def test_the_form_for_a_session_has_the_page_of_the_scene_kept_before_its_statio
 def test_a_browser_that_saves_data_fetches_nothing_of_a_station_from_the_form(
     another_page: Callable[..., Page],
 ) -> None:
-    page = another_page(at=None)
+    page = another_page(at=None, new=True)
     page.add_init_script("Object.defineProperty(navigator.connection, 'saveData', { value: true })")
     number = new_patient(page)
     asked = asked_by(page, "")
@@ -118,7 +118,7 @@ def test_a_browser_that_saves_data_fetches_nothing_of_a_station_from_the_form(
 def test_a_station_asks_for_its_scene_before_it_knows_anything_else(
     another_page: Callable[..., Page],
 ) -> None:
-    page = another_page(at=None)
+    page = another_page(at=None, new=True)
     with held_back(page, "**/api/stations/*"), page.expect_response("**/scene/"):
         page.goto("/stations/none", wait_until="commit")
     shown(page.get_by_role("heading", name="This session view is closed"))

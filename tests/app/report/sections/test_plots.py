@@ -23,6 +23,7 @@ from handscope.estimators.measures.tapping import Tapping
 from handscope.estimators.numerics.typing import Array
 from tests.app.report.simulated_sessions import report
 
+pytestmark = pytest.mark.usefixtures("drawn_anew")
 SOURCE = b'#set page(width: auto, height: auto, margin: 0pt)\n#image(bytes(sys.inputs.svg), format: "svg")'
 GOOD = np.array([0x7F, 0xA0, 0xAD]) / 255
 

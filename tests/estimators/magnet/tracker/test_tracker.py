@@ -336,9 +336,10 @@ def _slid(seed: int, away: float = 0.2) -> tuple[Motion, Setup, Track]:
     return m, setup, tracking.track_readings(PARAMS, setup, readings)
 
 
-def test_where_a_hand_is_turned_to_is_told_gravity_knows_better() -> None:
+@pytest.mark.parametrize("trials", swept([2, 6], kept=[2]))
+def test_where_a_hand_is_turned_to_is_told_gravity_knows_better(trials: int) -> None:
     """Its inclination at the first sample is its accelerometer's."""
-    for seed in range(20, 26):
+    for seed in range(20, 20 + trials):
         m, _, track = _slid(seed)
         up = [
             quat.rotate(quat.conjugate(quat.multiply(m.q[0, 0], q)), np.array([0.0, 0.0, 1.0]))
