@@ -18,9 +18,9 @@ from handscope.estimators.finger_ekf.between_chains import chain_estimates
 from handscope.estimators.finger_ekf.between_chains.chain_estimates import Estimates
 from handscope.estimators.finger_ekf.joint_acceleration import block_sums
 from handscope.estimators.finger_ekf.joint_acceleration.block_sums import (
-    INDEPENDENT,
     DIFFERENCE,
     HEADING,
+    INDEPENDENT,
     UNKNOWNS,
     BlockSums,
 )
