@@ -109,7 +109,7 @@ def headings(worn: Worn, prior: Array) -> tuple[Array, float]:
         moved = heading_update.wrapped(end - state.heading)
         found.append((energy, seen - 0.5 * moved))
         density = heading_update.noise_density(noise, heading_update.residual(state, normal, seen))
-        box = density / block_sums.BOX
+        box = density / block_sums.INDEPENDENT
         unknowns, P = heading_update._learnt(state, normal, share, box, readings.t[first + n])
         state = state.__class__(
             state.begun, state.heading, state.sums, unknowns, P, state.noise_stats

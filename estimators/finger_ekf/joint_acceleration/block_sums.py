@@ -5,7 +5,8 @@ Out     normal equations, without a constant and a slope of each component, of w
         heading between the two fusions
 Source  acceleration of a joint's centre seen from either segment: Seel et al. 2012, IEEE MSC, 45; Kok et al. 2014, IFAC 47:79 (there a measurement of each sample). Ours: in the
         fusions' frames, in which errors of inclination are slow and go with the constant and the slope
-Limits  one joint, that of the thumb's metacarpal on the hand; the skin's slide under a sensor counts as noise
+Limits  one joint, that of the thumb's metacarpal on the hand; the skin's slide under a sensor counts as noise; movement faster than 4 Hz counts for nothing, as a
+        sensor's rates and forces may be some milliseconds apart (a mean over a sample or its end, delays of their filters)
 """
 
 import math
@@ -18,7 +19,11 @@ from handscope.estimators.numerics.jit import inlined, looped
 from handscope.estimators.numerics.small_matrices import rigid_acceleration
 from handscope.estimators.numerics.typing import Array
 
-BOX = 0.05  # s whose mean counts once: faster than a hand moves
+# s of a box: its window passes what a hand does on purpose, up to 3 Hz, and not a tremor of 8 to 12 Hz, at which half
+# a sample between rates and forces is a third of a right angle
+BOX = 0.25
+INDEPENDENT = BOX / 1.5  # s of white noise that count in the mean over Hann's window
+COMPLETE = 0.75  # share of a box's weight that its samples must have
 LEVERS, BIASES, SCALES = 0, 6, 12  # first unknowns of the parts, of the hand's sensor first
 UNKNOWNS = 30
 # which sensor an unknown is of: 1 the hand's, -1 the metacarpal's
@@ -41,12 +46,12 @@ class BlockSums(NamedTuple):
     """What is summed up since a block began, and the sample that waits for the next one's rate."""
 
     # (6,): begin of the block, t of the waiting sample, s; cosine and sine of the heading between the fusions that is
-    # believed; samples in the box, and when it began, s
+    # believed; weight of the samples in the box, 1 if none is missing, and when it began, s
     scalars: Array
     rate: Array  # (2, 3) rad/s before the waiting sample, NaN where not known
     force: Array  # (2, 3) m/s^2 of it
     q_EB: Array  # (2, 4)
-    box: Array  # (3, COLUMNS) sum over the samples of a box
+    box: Array  # (3, COLUMNS) weighted sum over the samples of a box
     normal: Array  # (COLUMNS, COLUMNS) over boxes and components
     trend: Array  # (3, 2, COLUMNS) sums of each component over the boxes, and times the time in the block
     gram: Array  # (3,) number of boxes, sum of their times, and of squares of these
@@ -83,7 +88,7 @@ def accumulate(readings: Readings, unknowns: Array, sums: BlockSums) -> None:
                 )
         if is_known:
             _fill_columns(sums, unknowns, rate, dt, R, spin, v, change, felt, columns)
-            _add_sample(sums, columns)
+            _add_sample(sums, dt, columns)
         sums.scalars[1] = readings.t[n]
         for s in range(2):
             for a in range(3):
@@ -130,25 +135,32 @@ def _fill_columns(
 
 
 @inlined
-def _add_sample(sums: BlockSums, columns: Array) -> None:
-    """Into its box; a box that is over counts first."""
+def _add_sample(sums: BlockSums, dt: float, columns: Array) -> None:
+    """Into its box, dt after the sample before; a box that is over counts first, unless samples are missing in it."""
     if sums.scalars[4] > 0 and sums.scalars[1] - sums.scalars[5] >= BOX - 1e-9:
         _add_box(sums)
     if sums.scalars[4] == 0:
         sums.scalars[5] = sums.scalars[1]
+    phase = (sums.scalars[1] - sums.scalars[5] + 0.5 * dt) / BOX
+    # Hann's window; never quite zero, which would mean that no box is open
+    weight = dt / BOX * (1.0 - math.cos(2.0 * math.pi * min(phase, 1.0)) + 1e-9)
     for a in range(3):
         for k in range(COLUMNS):
-            sums.box[a, k] += columns[a, k]
-    sums.scalars[4] += 1.0
+            sums.box[a, k] += weight * columns[a, k]
+    sums.scalars[4] += weight
 
 
 @inlined
 def _add_box(sums: BlockSums) -> None:
-    """Close the open box."""
-    count, u = sums.scalars[4], sums.scalars[5] - sums.scalars[0]
+    """Close the open box. Without part of its samples it is no low pass, and is left out."""
+    share, u = sums.scalars[4], sums.scalars[5] - sums.scalars[0]
+    sums.scalars[4] = 0.0
+    if share < COMPLETE:
+        sums.box[...] = 0.0
+        return
     for a in range(3):
         for k in range(COLUMNS):
-            sums.box[a, k] /= count
+            sums.box[a, k] /= share
         for k in range(COLUMNS):
             x = sums.box[a, k]
             sums.trend[a, 0, k] += x
@@ -161,4 +173,3 @@ def _add_box(sums: BlockSums) -> None:
     sums.gram[0] += 1.0
     sums.gram[1] += u
     sums.gram[2] += u * u
-    sums.scalars[4] = 0.0

@@ -18,9 +18,9 @@ from handscope.estimators.finger_ekf.between_chains import chain_estimates
 from handscope.estimators.finger_ekf.between_chains.chain_estimates import Estimates
 from handscope.estimators.finger_ekf.joint_acceleration import block_sums
 from handscope.estimators.finger_ekf.joint_acceleration.block_sums import (
-    BOX,
     DIFFERENCE,
     HEADING,
+    INDEPENDENT,
     UNKNOWNS,
     BlockSums,
 )
@@ -105,12 +105,12 @@ def close(
     own = float(up @ thumb.P[FIRST, FIRST] @ up)
     systematic = float(share @ state.P @ share)
     density = noise_density(noise, residual(state, normal, tangent))
-    variance = excess(state.noise_stats) * density / (energy * BOX) + 0.5 * own**2
+    variance = excess(state.noise_stats) * density / (energy * INDEPENDENT) + 0.5 * own**2
     # the state's heading is compared at mid-block
     moved = wrapped(heading_between(thumb.q_pc[0], q_EB) - state.heading)
     innovation, S = seen - 0.5 * moved, own + systematic + variance
     squared = min(innovation**2, UNLIKELY * S)
-    ratio = (squared - own - systematic) * energy * BOX / density
+    ratio = (squared - own - systematic) * energy * INDEPENDENT / density
     weight = (variance / S) ** 2
     is_unlikely = innovation**2 > UNLIKELY * S
     repeats = abs(innovation - state.rejected) < 3 * math.sqrt(2 * (systematic + variance))
