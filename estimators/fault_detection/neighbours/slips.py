@@ -41,6 +41,9 @@ STEPS, REFINED = 3, 2  # of the search for a turn, and of its course
 SHIFTS = INSTANT / 4 * np.arange(-3, 4)  # s, of its begin
 DIFFERENCE = 1e-3  # rad, for derivatives
 SURE = 2e-6  # p-value of a turn that a gyroscope saw: flicks of fingers and keystrokes leave no white noise; of 1,000 intact recordings of three simulators the smallest of turns of LEAST to MOST was 7e-5
+SEEN = (
+    0.5  # share of a turn that its gyroscope has to see: the segment may turn to and fro meanwhile
+)
 OF_COURSE = 5  # numbers that tell a turn's course: its vector, begin and length
 
 
@@ -206,7 +209,16 @@ def _turning(pairs: Pairs, others: Others, sensor: str, k: int, count: int) -> S
         turn = np.tile(best.turn, (len(shift), 1))
         best = _fitted(ends, turn, best.begin + shift, best.length * factor, noise)
     p, start = p_value(best.left), float(pairs.windows(sensor).t[k] + best.begin)
-    return Slip(sensor, best.turn, start, p, True) if p < SURE else None
+    found = Slip(sensor, best.turn, start, p, True)
+    is_seen = _rotation(pairs.windows(sensor).turned[k], best) > SEEN * found.size
+    return found if p < SURE and is_seen else None
+
+
+def _rotation(turned: Array, fit: "_Fit") -> float:
+    """How far (rad) a sensor turns by its gyroscope, of its frames (m, 3, 3) in a window, while it is said to turn on its segment."""
+    at = np.array([fit.begin, fit.begin + fit.length]) / INSTANT
+    first, then = np.clip([np.floor(at[0]), np.ceil(at[1])], 0, len(turned) - 1).astype(int)
+    return float(np.linalg.norm(quat.log(quat.from_matrix(turned[first].T @ turned[then]))))
 
 
 def _squares(ends: Sequence["_End"]) -> Array:

@@ -16,7 +16,7 @@ from handscope.estimators.hand.geometry import HandGeometry, sized
 from handscope.estimators.recording_checks.check import suspicions_of
 from handscope.estimators.simulation.scenario import Simulated, simulate
 from handscope.estimators.simulation.sensors import SensorErrors
-from handscope.validation.studies import crosschecks, silent_faults
+from handscope.validation.studies import crosschecks, false_alarms, silent_faults
 from tests.estimators.fault_detection.joint_recordings import (
     amplified,
     delayed,
@@ -229,6 +229,12 @@ def test_a_turn_that_a_gyroscope_saw_is_named_in_the_simulator_that_is_not_ours(
     assert (found.message.code, found.sensors) == ("sensor.slipped", (sensor,))
     assert found.message.values["angle_deg"] == pytest.approx(17.0, abs=2.0)
     assert found.spans[0][0] == pytest.approx(14.0, abs=0.05)
+
+
+def test_a_sensor_that_its_gyroscope_did_not_see_turn_is_not_said_to_have_turned_so() -> None:
+    """Somebody's hand in the pose: small accelerations fit a segment that turns back by what its sensor turned on it."""
+    resting = false_alarms._record(false_alarms.Trial("outside: resting", 15816))
+    assert [s for s in suspicions_of(resting) if s.message.severity != "info"] == []
 
 
 def test_gaps_of_a_sensor_are_no_disagreement() -> None:
