@@ -210,15 +210,8 @@ def _turning(pairs: Pairs, others: Others, sensor: str, k: int, count: int) -> S
         best = _fitted(ends, turn, best.begin + shift, best.length * factor, noise)
     p, start = p_value(best.left), float(pairs.windows(sensor).t[k] + best.begin)
     found = Slip(sensor, best.turn, start, p, True)
-    is_seen = _rotation(pairs.windows(sensor).turned[k], best) > SEEN * found.size
-    return found if p < SURE and is_seen else None
-
-
-def _rotation(turned: Array, fit: "_Fit") -> float:
-    """How far (rad) a sensor turns by its gyroscope, of its frames (m, 3, 3) in a window, while it is said to turn on its segment."""
-    at = np.array([fit.begin, fit.begin + fit.length]) / INSTANT
-    first, then = np.clip([np.floor(at[0]), np.ceil(at[1])], 0, len(turned) - 1).astype(int)
-    return float(np.linalg.norm(quat.log(quat.from_matrix(turned[first].T @ turned[then]))))
+    fastest = float(np.linalg.norm(pairs.windows(sensor).rate[k], axis=1).max())  # rad/s
+    return found if p < SURE and fastest > SEEN * found.size / best.length else None
 
 
 def _squares(ends: Sequence["_End"]) -> Array:
