@@ -8,7 +8,7 @@ from handscope.estimators.data.calibration import Calibration
 from handscope.estimators.errors import InputError
 from handscope.estimators.hand.anatomy import FLEXION, HINGES, JOINT, LIMITS
 from handscope.estimators.messages.sentence import messages_of, phrase
-from handscope.estimators.recording_checks.pose_gravity import bent_joint_questions
+from handscope.estimators.recording_checks.pose_gravity import bent_joint_questions, bent_joints_of
 
 # of a joint's flexion, deg. Standard errors of measurement: 2.4 to 4.9 deg by novices (Macionis 2013,
 # BMC Musculoskelet Disord 14:17), 4 to 11 deg at retest (Reissner 2019, J Orthop Surg Res 14:173)
@@ -63,9 +63,8 @@ def questions(calibration: Calibration) -> list[str]:
 def bent_joints_asked(calibration: Calibration) -> list[str]:
     """Joints that the question, if it is among the calibration's warnings, is about."""
     messages = [message for warning in calibration.warnings for message in messages_of(warning)]
-    asked = [m.values["joints"] for m in messages if m.code == "live.bent_in_pose"]
-    named = [each for joints in asked for each in str(joints).split(", ")]
-    return [each.split()[0] for each in named]  # "ring_pip 37°"
+    asked = [m for m in messages if m.code == "live.bent_in_pose"]
+    return [joint for message in asked for joint, _ in bent_joints_of(message)]
 
 
 def _column(joint: str) -> str:

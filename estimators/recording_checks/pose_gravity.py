@@ -60,6 +60,12 @@ def bent_joint_questions(pose: Calibration, until: float = np.inf) -> list[Suspi
     return [Suspicion(message, sensors, ((pose.t, until),), RARE)]
 
 
+def bent_joints_of(message: Message) -> list[tuple[str, str]]:
+    """The joints that such a question names, each with its angle: ("ring_pip", "37°")."""
+    pairs = (each.partition(" ") for each in str(message.values["joints"]).split(", "))
+    return [(joint, angle) for joint, _, angle in pairs]
+
+
 def _negated(recording: Recording, calibrations: Sequence[Calibration]) -> list[Suspicion]:
     if not calibrations or not calibrations[0].source.is_pose:
         return []

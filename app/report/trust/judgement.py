@@ -69,8 +69,8 @@ class Trust:
         False  # whether the other hand was measured: a question, which changes no answer
     )
     faulty: tuple[str, ...] = ()  # segments whose sensor is
-    # joints that were bent in the initial pose, with the angle: "ring_pip 37°"
-    bent: tuple[str, ...] = ()
+    # joints that were bent in the initial pose, with the angle: ("ring_pip", "37°")
+    bent: tuple[tuple[str, str], ...] = ()
 
 
 def judge_trust(
@@ -80,7 +80,7 @@ def judge_trust(
     drifts: Sequence[Drift] = (),
     asks_hand: bool = False,
     faulty: Sequence[str] = (),
-    bent: Sequence[str] = (),
+    bent: Sequence[tuple[str, str]] = (),
 ) -> Trust:
     """By the figures of a result, each with its task's name, and by what drifts at rest; `asks_hand` where it looks like the other hand's (hand_history.py), `faulty` segments whose sensor is, `bent` joints that were bent in the initial pose."""
     by_cause: dict[tuple[str, str], list[Figure]] = {}
@@ -179,10 +179,8 @@ def _reasons(
     return [*listed, *([language.counted("trust.more", more)] if more > 0 else [])]
 
 
-def _bent_words(bent: Sequence[str], language: Language) -> str:
-    """ "ring_pip 37°" as a reader has it."""
-    pairs = (each.split() for each in bent)
-    joints = [f"{' '.join(joint_words(joint, language))} {angle}" for joint, angle in pairs]
+def _bent_words(bent: Sequence[tuple[str, str]], language: Language) -> str:
+    joints = [f"{' '.join(joint_words(joint, language))} {angle}" for joint, angle in bent]
     return language.say("trust.bent", joints=language.several(joints))
 
 

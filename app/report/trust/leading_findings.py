@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from handscope.app.report.trust.judgement import Trust
 from handscope.estimators.messages import Message
 from handscope.estimators.messages.sentence import codes_of, messages_of
+from handscope.estimators.recording_checks.pose_gravity import BENT_IN_POSE, bent_joints_of
 
 MOST = 2
 ABOUT_SENSORS = ("sensor.", "sensors.", "file.", "fault.", "joint.")
@@ -18,7 +19,7 @@ ABOUT_STRIPS = (
     "hand.other_thumb",
     "geometry.other_hand",
 )
-ASKED = frozenset({"person.bent_in_pose"})  # what every angle of the finger rests on
+ASKED = frozenset({BENT_IN_POSE})  # what every angle of the finger rests on
 NAMING = ("sensor", "first", "second", "sensors")  # values of a message that name sensors
 FLAGGED = "processing.segments_flagged"
 ABSENT = "recording.strip_absent"
@@ -44,10 +45,10 @@ def questions(warnings: Sequence[str]) -> list[str]:
     return [text for text in warnings if codes_of(text) & ASKED][:MOST]
 
 
-def bent_joints(warnings: Sequence[str]) -> list[str]:
-    """Joints that were bent in the initial pose, with the angle: "ring_pip 37°"; each once."""
+def bent_joints(warnings: Sequence[str]) -> list[tuple[str, str]]:
+    """Joints that were bent in the initial pose, with the angle: ("ring_pip", "37°"); each once."""
     found = [m for text in questions(warnings) for m in messages_of(text) if m.code in ASKED]
-    return list(dict.fromkeys(j for m in found for j in str(m.values["joints"]).split(", ")))
+    return list(dict.fromkeys(pair for message in found for pair in bent_joints_of(message)))
 
 
 def faulty_sensors(warnings: Sequence[str]) -> list[str]:

@@ -181,7 +181,7 @@ DOUBTFUL, OTHERS = (
     )
     for sensors in ("ring_middle", "ring_middle, hand")
 )
-BENT = ["ring_pip 31°"]
+BENT = [("ring_pip", "31°")]
 USED = phrase("contacts.used", contacts="thumb on index finger")
 RECORDED = [USED, flagged("thumb_distal", "flag.magnetic"), AT_LIMIT, GYROSCOPE, NEGATED]
 
