@@ -8,9 +8,8 @@ from handscope.app.language import Language
 from handscope.app.report.content import Content, Task
 from handscope.app.report.references import Edition, Reference
 from handscope.app.report.sections.range_rows import RangeRow, over_tasks
-from handscope.app.report.units import DEG
+from handscope.app.report.units import DEG, decimals_of_sd
 from handscope.estimators.measures.asked_extension import asks_fist_and_stretch
-from handscope.estimators.measures.figure import WIDE
 from handscope.estimators.measures.range_of_motion import Range
 from handscope.sessions.clinic.repeatability import Values
 
@@ -30,7 +29,7 @@ def flexion_with_sd(tasks: Sequence[Task], row: RangeRow, language: Language) ->
     sd = sd_of(tasks, row.bend, "largest") if row.bend and row.flexion else None
     if sd is None:
         return row.flexion
-    return f"{row.flexion} ± {language.number(sd * DEG, 1 if sd < WIDE else 0)}°"
+    return f"{row.flexion} ± {language.number(sd * DEG, decimals_of_sd(max(1.0, sd * DEG)))}°"
 
 
 def reference_of(r: Range, end: End, edition: Edition) -> Reference | None:
