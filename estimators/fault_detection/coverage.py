@@ -1,7 +1,7 @@
 """Which faults the movement of a recording could not have shown: where nothing is found, and nothing could be.
 
 In      samples, what is declared of them, calibrations
-Out     gyroscopes that nothing compares with anything, strips whose delay nothing would show, and fingers that could be on each other's place
+Out     gyroscopes that nothing compares with anything, strips whose delay nothing would show, fingers that could be on each other's place, and sensors that could have turned on their segments
 Source  every gain of `GAINS`, and delay of `LATE`, is put into the sensor: the tests of the checks have to find it, as sure as they have to be of a fault. So a sensor that has
         such a fault already does not count as tested: with the opposite one it reads what is right, and nothing is found
 Limits  says what a fault of that size would have shown; smaller ones need more movement
@@ -18,6 +18,7 @@ from handscope.estimators.fault_detection.neighbours import (
     delays,
     gains,
     joint_places,
+    slips,
     unexplained,
     vibration,
 )
@@ -32,10 +33,13 @@ from handscope.estimators.fault_detection.single_sensors.cells import Cells, beg
 from handscope.estimators.fault_detection.single_sensors.gravity_fit import information_of
 from handscope.estimators.fault_detection.single_sensors.gravity_windows import windows_of
 from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS
-from handscope.estimators.hand.anatomy import CHAINS
+from handscope.estimators.hand.anatomy import CHAINS, SEGMENT
 from handscope.estimators.hand.geometry import HandGeometry
+from handscope.estimators.numerics import quaternions as quat
 
 GAINS, LATE = (1.3, 1 / 1.3), (0.2, -0.2)  # s
+TURN = np.radians(17.0)  # about the axis of flexion
+HALF = 0.5  # of a recording's windows in which a turn has to show
 
 
 def untested(
@@ -46,7 +50,7 @@ def untested(
     compared: Compared | None = None,
     by_gravity: Mapping[str, Mapping[float, bool]] | None = None,
 ) -> Untested:
-    """Gyroscopes, strips and fingers of which the movement tells nothing.
+    """Gyroscopes, strips, fingers and mountings of which the movement tells nothing.
 
     Parameters
     ----------
@@ -76,11 +80,15 @@ def untested(
         for finger, chain in CHAINS.items()
         if set(chain) <= set(by_gravity) and not set(chain) & set(named)
     ]
+    could_turn = tuple(
+        s for s in by_gravity if s in SEGMENT and s not in named and not _turn_shows(views, s)
+    )
     together = set(synchrony.comparable_fingers(views.signals, LATE)) if views else set()
     return Untested(
         tuple(sensors),
         tuple(f for f in strips if f not in together and not _delay_shows(views, f)),
         _exchangeable(views, declared.geometry, [f for f in strips if f != "thumb"]),
+        could_turn,
     )
 
 
@@ -127,6 +135,14 @@ def _gain_shows(views: Views | None, sensor: str, gain: float) -> bool:
         for u in unexplained.find(wrong, views.others)
         if sensor in u.joint
     )
+
+
+def _turn_shows(views: Views | None, sensor: str) -> bool:
+    """Whether a turn of the sensor about the axis of flexion that its gyroscope sees would be told in most windows."""
+    if views is None or not views.pairs.explains or sensor not in views.pairs.series.sensors:
+        return False
+    flexion = quat.rotate(quat.conjugate(views.pairs.q_BS[sensor]), np.array([0.0, 0.0, TURN]))
+    return slips.share_shown(views.pairs, views.others, sensor, flexion) > HALF
 
 
 def _delay_shows(views: Views | None, finger: str) -> bool:

@@ -14,6 +14,7 @@ class Untested:
     gyroscopes: tuple[str, ...] = ()  # tracked points
     strips: tuple[str, ...] = ()  # fingers, for a delay
     fingers: tuple[str, ...] = ()  # for an exchange of two of them
+    turns: tuple[str, ...] = ()  # tracked points, for a turn that the gyroscope sees
 
     @property
     def messages(self) -> tuple[Message, ...]:
@@ -22,6 +23,7 @@ class Untested:
             ("checks.untested_gyroscopes", "sensors", self.gyroscopes),
             ("checks.untested_strips", "fingers", self.strips),
             ("checks.untested_fingers", "fingers", self.fingers),
+            ("checks.untested_turns", "sensors", self.turns),
         )
         return tuple(
             Message(code, {name: ", ".join(found)}, "info") for code, name, found in parts if found

@@ -22,7 +22,7 @@ from vqf import VQF
 from handscope.estimators.data.samples import MAG, Block, Stream, every
 from handscope.estimators.data.trajectory import Flag
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.gap_interpolation import bridge_gaps, missed_variance
+from handscope.estimators.numerics.gap_interpolation import RECENT, bridge_gaps, missed_variance
 from handscope.estimators.numerics.typing import Array, Bools
 from handscope.estimators.orientation.fusion_state import JointState, SensorState
 from handscope.estimators.orientation.fusion_state import Oriented as Oriented
@@ -58,7 +58,12 @@ def start(
         SensorState(starts.get(s), biases.get(s, np.zeros(3)), known_until, known.get(s))
         for s in stream.sensors
     )
-    return StreamState(stream, tuple(sensors), 1.0 / (rate or stream.rate))
+    return StreamState(
+        stream,
+        tuple(sensors),
+        1.0 / (rate or stream.rate),
+        recent=np.empty((0, len(stream.sensors), 3)),
+    )
 
 
 def step(params: FusionParams, state: StreamState, block: Block) -> tuple[StreamState, Oriented]:
@@ -123,14 +128,21 @@ def _advance(
         )
         for k, sensor in enumerate(state.sensors):
             after, q_GS[:, k], more, rotation_variance[:, k] = _fuse(
-                params, sensor, vqf, block, whole[:, k], k, count
+                params, sensor, vqf, block, whole[:, k], k, count, state.recent[:, k]
             )
             flags[:, k] |= more
             sensors.append(after)
         fused = _join_sensors(params, state.period, tuple(sensors), block.values)
     newest = float(block.t[-1]) if len(block.t) else state.t
+    rates = _rates(settled.values, whole[:count])
     after_all = StreamState(
-        state.stream, fused, state.period, newest, held if len(held.t) else None, sampled[count:]
+        state.stream,
+        fused,
+        state.period,
+        newest,
+        held if len(held.t) else None,
+        sampled[count:],
+        np.concatenate([state.recent, rates])[-RECENT:],
     )
     return after_all, Oriented(settled.t, q_GS, flags, rotation_variance, sampled[:count])
 
@@ -216,6 +228,7 @@ def _fuse(
     whole: Bools,
     k: int,
     count: int,
+    recent: Array,
 ) -> tuple[SensorState, Array, NDArray[np.uint8], Array]:
     """Over the first `count` rows bridge short gaps, run the filter over what is known, hold the
     orientation where nothing is."""
@@ -239,7 +252,7 @@ def _fuse(
                 else sensor
             )
             filled, rotation_variance[first:last] = _bridge_gaps(
-                sensor, block, k, whole, first, last
+                sensor, block, k, whole, first, last, recent
             )
             sensor, q_GS[first:last], disturbed = _filter(
                 params, sensor, vqf, block, filled, first, last
@@ -310,10 +323,16 @@ def _known_stretches(
 
 
 def _bridge_gaps(
-    sensor: SensorState, block: Block, k: int, whole: Bools, first: int, last: int
+    sensor: SensorState,
+    block: Block,
+    k: int,
+    whole: Bools,
+    first: int,
+    last: int,
+    recent: Array,
 ) -> tuple[Array, Array]:
     """Rows first..last of sensor k with gaps filled in, and the variance (rows,) of the heading
-    that gaps have cost so far."""
+    that gaps have cost so far; `recent` rates (h, 3) are those before the block."""
     inside = block.values[first:last, k, : 9 if MAG in block.stream.quantities else 6]
     if whole[first:last].all():
         return inside, np.full(last - first, sensor.rotation_variance)
@@ -330,9 +349,16 @@ def _bridge_gaps(
         [[sensor.previous is not None, sensor.last is not None and not sensor.absent], whole[rows]]
     )
     filled = bridge_gaps(t, values, known)
-    steps = missed_variance(t[1:], values[1:, :3] - sensor.bias, known[1:])[1 : 1 + last - first]
+    earlier = np.concatenate([recent, _rates(block.values[:first, k], whole[:first])])[:-1]
+    rates = values[1:, :3] - sensor.bias
+    steps = missed_variance(t[1:], rates, known[1:], earlier - sensor.bias)[1 : 1 + last - first]
     rotation_variance = np.cumsum(np.concatenate([[sensor.rotation_variance], steps]))[1:]
     return np.concatenate([filled[2 : 2 + last - first], inside[:, 6:]], axis=-1), rotation_variance
+
+
+def _rates(values: Array, whole: Bools) -> Array:
+    """Rates (..., 3) of samples, NaN where they are not whole."""
+    return np.where(whole[..., None], values[..., :3], np.nan)
 
 
 def _nan_if_missing(sample: Array | None) -> Array:

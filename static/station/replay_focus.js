@@ -14,12 +14,17 @@ export function makeFocus(station) {
   let chapter = null; // that is repeated
   let near = null; // that is looked at
   let turning = false;
+  let played = false; // when the pulse before came
 
   const stop = station.on("pulse", async (pulse) => {
-    if (!chapter || !pulse.playing || turning || (pulse.t < chapter.stop && pulse.t >= chapter.start - 0.5)) return;
+    // a page that hears late of a chapter's end may find that the recording has ended, and with it the replay
+    const ended = played && pulse.t >= station.latest.replay.stop;
+    played = pulse.playing;
+    if (!chapter || !(pulse.playing || ended) || turning || (pulse.t < chapter.stop && pulse.t >= chapter.start - 0.5)) return;
     turning = true;
     try {
       await station.act("seek", { value: chapter.start });
+      if (ended) await station.act("play");
       box.clear();
     } catch (error) {
       box.show(error);

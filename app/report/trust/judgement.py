@@ -137,7 +137,7 @@ def trust_payload(
     edition: Edition | None = None,
     untested: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> dict[str, Any]:
-    """For pages: the answer in words, the reasons, and what to do, each once; `untested`: gyroscopes and strips that the movement did not test."""
+    """For pages: the answer in words, the reasons, and what to do, each once; `untested`: what the movement did not test (derivative.untested_table)."""
     reasons = [d.reason for d in trust.doubts]
     todo = [language.say(f"trust.do.{what}") for what in _todo(trust.doubts)]
     todo += advice(reasons, language)
@@ -194,13 +194,12 @@ def _answer_words(trust: Trust, language: Language) -> str:
 
 def _untested_words(untested: Mapping[str, Sequence[str]], language: Language) -> Iterator[str]:
     """What the checks could not have found; a finger of which no sensor was tested by its name."""
-    sensors = list(untested.get("gyroscopes", ()))
-    for finger, chain in CHAINS.items():
-        if set(chain) <= set(sensors):
-            sensors[sensors.index(chain[0])] = finger
-            sensors = [s for s in sensors if s not in chain]
-    others = ((what, untested.get(what, ())) for what in ("strips", "fingers"))
-    for what, parts in (("gyroscopes", sensors), *others):
+    for what in ("gyroscopes", "strips", "fingers", "turns"):
+        parts = list(untested.get(what, ()))
+        for finger, chain in CHAINS.items():
+            if set(chain) <= set(parts):
+                parts[parts.index(chain[0])] = finger
+                parts = [p for p in parts if p not in chain]
         if parts:
             named_parts = language.several(map(language.segment, parts))
             yield language.say(f"trust.untested_{what}", parts=named_parts)

@@ -3,13 +3,14 @@
 In      pairs of sensors (sensor_pairs.py)
 Out     which sensor, by what turn, from when on
 Source  ours: a test for a break (Chow 1960, Econometrica 28:591) at several instants; a rigid turn moves all joints of a sensor together, skin slides them along the segment.
-        A sensor that turns about itself accelerates nothing, whereas a segment that turned as its gyroscope says would accelerate its joints
+        A sensor that turns about itself accelerates nothing, whereas a segment that turned as its gyroscope says would accelerate its joints. Where they lie is told by
+        the windows before and by those after: a turn moves them in the sensor's frame, and what all windows together tell would fit neither
 Limits  a turn about the line from the sensor to its only joint is not seen; gentle movement does not tell places well enough. A turn that the gyroscope sees is found if it takes half a
         second or less and the hand moves gently meanwhile; at the last sensor of a finger only if the movement tells well where its joint lies
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from handscope.estimators.fault_detection.neighbours import common_joint, joint_windows
 from handscope.estimators.fault_detection.neighbours.common_joint import Joint
 from handscope.estimators.fault_detection.neighbours.other_joints import Others
-from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
+from handscope.estimators.fault_detection.neighbours.sensor_pairs import NEAR, Pairs
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.tail_probabilities import chi2_sf, f_sf
 from handscope.estimators.numerics.typing import Array
@@ -29,9 +30,11 @@ TURN_SD = np.radians(30.0)
 SUDDEN = 3.0  # times its noise a window leaves where a sensor may have been turned
 HELD = 0.002  # weight against a turn about the vertical, which gravity does not show, in shares of that of gravity
 LEAST_SURE = 0.01
+# m of a joint's place and m/s^2 of a bias, by which readings before or after a window may tell them otherwise
+FREE = np.repeat((NEAR, common_joint.ACC_BIAS), 3)
 LEAST_PIECE = 6  # samples of a window, before and after
 LEAST = np.radians(6.0)  # smaller turns are those of skin and of mounting
-ODD = 2.0  # times what the recording's other joints let expect, and what its other windows leave, from which on a window may be asked whether the sensor turned in it
+ODD = 1.2  # times what the recording's other joints let expect, and what its other windows leave, from which on a window may be asked whether the sensor turned in it
 LENGTHS = (0.08, 0.15, 0.35)  # s, that a turn takes, about
 FINER = (0.8, 0.9, 1.0, 1.1, 1.25)  # of such a length, twice
 INSTANT = joint_windows.AVERAGED / joint_windows.RATE  # s
@@ -40,10 +43,14 @@ OF_SENSOR, ASKED = 2, 12  # windows of a sensor, and in all, that are asked: the
 STEPS, REFINED = 3, 2  # of the search for a turn, and of its course
 SHIFTS = INSTANT / 4 * np.arange(-3, 4)  # s, of its begin
 DIFFERENCE = 1e-3  # rad, for derivatives
-SURE = 2e-6  # p-value of a turn that a gyroscope saw: flicks of fingers and keystrokes leave no white noise; of 1,000 intact recordings of three simulators the smallest of turns of LEAST to MOST was 7e-5
+SURE = 2e-7  # p-value of a turn that a gyroscope saw: flicks of fingers and keystrokes leave no white noise; of 258 intact recordings of two simulators the smallest of turns of LEAST to MOST was 1.8e-5
 SEEN = (
     0.5  # share of a turn that its gyroscope has to see: the segment may turn to and fro meanwhile
 )
+TAKEN = 0.2  # s of a turn of which a recording is asked whether it would show
+SAMPLED = 6  # windows of it, evenly, that are asked
+# times its noise that is left where a turn has spoilt what is known of a joint's place and of biases; size ours, of turns put into recordings
+SPOILT = 4.0
 OF_COURSE = 5  # numbers that tell a turn's course: its vector, begin and length
 
 
@@ -154,8 +161,7 @@ def find_turning(pairs: Pairs, others: Others) -> Slip | None:
         if ratio > ODD
     ]
     oddest = sorted(odd, key=lambda o: -o[0])[:ASKED]
-    count = 2 * len(pairs.series.sensors) * len(pairs.series.chosen)
-    found = [_turning(each, others, sensor, k, count) for _, k, each, sensor in oddest]
+    found = [_turning(each, others, sensor, k) for _, k, each, sensor in oddest]
     sure = [slip for slip in found if slip is not None and LEAST < slip.size < MOST]
     return min(sure, key=lambda slip: slip.p_value, default=None)
 
@@ -166,49 +172,131 @@ def _joints_of(pairs: Pairs, sensor: str) -> list[tuple[str, str]]:
 
 def _oddest(pairs: Pairs, others: Others, sensor: str) -> list[tuple[float, int]]:
     """How many times what other joints, and the sensor's own in other windows, let expect all its joints leave in the windows that leave most, and which those are."""
-    sizes, ratios = others.without(sensor), []
-    for joint in _joints_of(pairs, sensor):
-        fitted = pairs.joint(*joint, joint)
-        ratio = np.where(pairs.use(*joint), fitted.rest / sizes.expected(fitted.couple.parts), 0.0)
-        ratios.append(ratio / max(1.0, float(np.median(ratio))))
-    least = np.min(ratios, axis=0)
+    ratios = _ratios(pairs, others, sensor)
+    least = np.min([r / max(1.0, float(np.median(r))) for r in ratios], axis=0)
     return [(float(least[k]), int(k)) for k in np.argsort(-least)[:OF_SENSOR]]
 
 
-def _turning(pairs: Pairs, others: Others, sensor: str, k: int, count: int) -> Slip | None:
-    """The sensor's turn in window k that explains best what its joints leave; None where a turn does no better than chance would in one of `count` windows."""
-    joints = _joints_of(pairs, sensor)
-    fits = [pairs.joint(*joint, joint) for joint in joints]
-    there = np.all([f.couple.first.weight[k] > 0 for f in fits], axis=0)
-    m = int(there.sum())
-    if m < LEAST_INSTANTS:
-        return None
-    sizes = others.without(sensor)
-    noise = float(np.mean([_usual(fit, sizes.expected(fit.couple.parts), k) for fit in fits]))
-    without = _squares(
-        [_End.of(pairs, j, f.unknowns, sensor, k, there) for j, f in zip(joints, fits)]
-    )
-    kept = np.arange(m) != np.argmax(without)  # a knock leaves much at one instant
-    free = len(joints) * (m - 1) - OF_COURSE  # as in `_jump`: one of three axes' worth of freedom
-    tests = count * len(LENGTHS) * m
+def _ratios(pairs: Pairs, others: Others, sensor: str) -> list[Array]:
+    """How many times what other joints let expect each of a sensor's joints leaves in every window (K,), as the other windows tell where it lies."""
+    sizes, found = others.without(sensor), []
+    for joint in _joints_of(pairs, sensor):
+        fit, use = pairs.joint(*joint, joint), pairs.use(*joint)
+        expected = sizes.expected(fit.couple.parts)
+        sums = fit.sums * (use / expected)[:, None, None]
+        step = _step_by(sums.sum(axis=0) - sums, joint.index(sensor))
+        found.append(np.einsum("ki,kij,kj->k", step, sums, step) / fit.couple.count)
+    return found
 
-    def p_value(left: Array) -> float:
+
+def share_shown(pairs: Pairs, others: Others, sensor: str, turn: Array) -> float:
+    """In what share of a recording's windows a turn (3,) rad of a sensor, in its frame and to either side within `TAKEN` s, would be told if its gyroscope saw it."""
+    if len(_joints_of(pairs, sensor)) < 2:  # one joint that lies near hardly ever tells it
+        return 0.0
+    usual = [float(np.median(r)) for r in _ratios(pairs, others, sensor)]
+    last = len(pairs.series.chosen) - 1
+    asked = np.unique(np.linspace(0, last, SAMPLED).round().astype(int))
+    found = [_shows(pairs, others, sensor, int(k), turn, usual) for k in asked]
+    return float(np.mean(found))
+
+
+def _shows(
+    pairs: Pairs, others: Others, sensor: str, k: int, turn: Array, usual: Sequence[float]
+) -> float:
+    """Share of the two turns in the middle of window k that would be told; its joints leave `usual` times what is expected in other windows."""
+    window = _Window.of(pairs, others, sensor, k)
+    if window is None:
+        return 0.0
+    begin = np.full(2, 0.5 * (joint_windows.LENGTH - TAKEN))
+    course = _Course.of(window.there, begin, np.full(2, TAKEN))
+    ends, joints = window.anywhen, _joints_of(pairs, sensor)
+    # readings of a sensor that did not turn, taken for those of one that did, leave what a turn leaves that is not known
+    spoilt = np.mean([e.left(np.stack([turn, -turn]), course) ** 2 for e in ends], axis=3)
+    parts = [pairs.joint(*joint, joint).couple.parts for joint in joints]
+    expected = [others.without(sensor).expected(p)[k] for p in parts]
+    odd = [s.mean(axis=1) > ODD * e * max(1.0, u) for s, e, u in zip(spoilt, expected, usual)]
+    left = _squares(ends)
+    known = replace(window, noise=SPOILT * window.noise)
+    sure = [known.p_value(w, left) < SURE for w in spoilt.mean(axis=0)]
+    return float(np.mean(np.all(odd, axis=0) & sure))
+
+
+@dataclass(frozen=True)
+class _Window:
+    """A sensor's joints in one window in which it may have turned, as they lie in all windows, in those before it and in those after it."""
+
+    anywhen: list["_End"]
+    before: list["_End"]
+    after: list["_End"]
+    there: NDArray[np.bool_]  # which of the window's instants all have, m of them
+    noise: float  # (m/s^2)^2, what they usually leave
+    tests: float  # turns that are tried in the recording
+
+    @classmethod
+    def of(cls, pairs: Pairs, others: Others, sensor: str, k: int) -> "_Window | None":
+        """Window k; None where too few instants are there."""
+        joints = _joints_of(pairs, sensor)
+        fits = [pairs.joint(*joint, joint) for joint in joints]
+        there = np.all([f.couple.first.weight[k] > 0 for f in fits], axis=0)
+        m = int(there.sum())
+        if m < LEAST_INSTANTS:
+            return None
+        sizes, ends, noise = others.without(sensor), [], []
+        for joint, fit in zip(joints, fits):
+            expected, use = sizes.expected(fit.couple.parts), pairs.use(*joint)
+            sums = fit.sums * (use / expected)[:, None, None]
+            sides = [s.sum(axis=0) for s in (sums[:k], sums[k + 1 :])]
+            steps = [_step_by(s, joint.index(sensor)) for s in (sum(sides), *sides)]
+            left = sum(x @ s @ x for x, s in zip(steps[1:], sides)) / fit.couple.count
+            noise.append(float(expected[k]) * max(1.0, left / max(1, use.sum() - 1)))
+            places = [fit.unknowns + x[:-1] for x in steps]
+            ends.append([_End.of(pairs, joint, x, sensor, k, there) for x in places])
+        anywhen, before, after = (list(e) for e in zip(*ends))
+        count = 2 * len(pairs.series.sensors) * len(pairs.series.chosen)
+        tests = count * len(LENGTHS) * m
+        return cls(anywhen, before, after, there, float(np.mean(noise)), tests)
+
+    def p_value_of(self, left: Array) -> float:
+        """Of a turn that leaves mean squares (m,) `left`, wherever the joints lie without one."""
+        return max(
+            self.p_value(_squares(ends), left) for ends in (self.anywhen, self.before, self.after)
+        )
+
+    def p_value(self, without: Array, left: Array) -> float:
+        """Of a turn that leaves mean squares (m,) `left` of those that are left `without` one."""
+        m = len(without)
+        kept = np.arange(m) != np.argmax(without)  # a knock leaves much at one instant
+        free = len(self.anywhen) * (m - 1) - OF_COURSE  # as in `_jump`: one of three axes' worth
         rest = float(left[kept].mean())
-        ratio = (float(without[kept].mean()) - rest) / OF_COURSE / (max(rest, noise) / free)
-        return float(f_sf(ratio, OF_COURSE, free)) * tests
+        less = float(without[kept].mean()) - rest
+        ratio = less / OF_COURSE / (max(rest, self.noise) / free)
+        return float(f_sf(ratio, OF_COURSE, free)) * self.tests
 
-    if p_value(np.zeros(m)) > SURE:  # whatever the turn
-        return None
-    ends = [_End.of(pairs, j, _without_window(pairs, j, k), sensor, k, there) for j in joints]
+
+def _step_by(sums: Array, own: int) -> Array:
+    """From a joint's unknowns to those (..., 13), followed by 1, that fit sums (..., 13, 13) best if its place in the frame of the sensor `own` (0 or 1), and that sensor's bias, are free; also where nothing turns."""
+    free = np.r_[3 * own : 3 * own + 3, 6 + 3 * own : 9 + 3 * own]
+    by = sums[..., free[:, None], free] + np.diag(1 / FREE**2)
+    step = np.zeros(sums.shape[:-1])
+    step[..., free] = -np.linalg.solve(by, sums[..., free, -1][..., None])[..., 0]
+    step[..., -1] = 1.0
+    return step
+
+
+def _turning(pairs: Pairs, others: Others, sensor: str, k: int) -> Slip | None:
+    """The sensor's turn in window k that explains best what its joints leave; None where a turn does no better than chance would."""
+    window = _Window.of(pairs, others, sensor, k)
+    if window is None or window.p_value_of(np.zeros(int(window.there.sum()))) > SURE:
+        return None  # whatever the turn
     begins = np.arange(-INSTANT, joint_windows.LENGTH, INSTANT)
     begin, length = (v.ravel() for v in np.meshgrid(begins, LENGTHS))
     whole = begin + length <= joint_windows.LENGTH
-    best = _fitted(ends, np.zeros((int(whole.sum()), 3)), begin[whole], length[whole], noise)
+    best = _fitted(window, np.zeros((int(whole.sum()), 3)), begin[whole], length[whole])
     for _ in range(REFINED):
         shift, factor = (v.ravel() for v in np.meshgrid(SHIFTS, FINER))
         turn = np.tile(best.turn, (len(shift), 1))
-        best = _fitted(ends, turn, best.begin + shift, best.length * factor, noise)
-    p, start = p_value(best.left), float(pairs.windows(sensor).t[k] + best.begin)
+        best = _fitted(window, turn, best.begin + shift, best.length * factor)
+    p, start = window.p_value_of(best.left), float(pairs.windows(sensor).t[k] + best.begin)
     found = Slip(sensor, best.turn, start, p, True)
     fastest = float(np.linalg.norm(pairs.windows(sensor).rate[k], axis=1).max())  # rad/s
     return found if p < SURE and fastest > SEEN * found.size / best.length else None
@@ -219,22 +307,6 @@ def _squares(ends: Sequence["_End"]) -> Array:
     still = np.zeros((1, 3))
     course = _Course.of(ends[0].there, np.zeros(1), np.ones(1))
     return np.asarray(np.mean([e.left(still, course)[0] ** 2 for e in ends], axis=(0, 2)))
-
-
-def _usual(fit: Joint, expected: Array, k: int) -> float:
-    """What a joint usually leaves where its recording's others let expect so much (K,), at window k."""
-    elsewhere = fit.use > 0
-    elsewhere[k] = False
-    ratio = float((fit.rest / expected)[elsewhere].mean()) if elsewhere.any() else 1.0
-    return float(expected[k]) * max(1.0, ratio)
-
-
-def _without_window(pairs: Pairs, joint: tuple[str, str], k: int) -> Array:
-    """The joint's unknowns (12,) by all windows but one."""
-    known = pairs.joint(*joint, joint)
-    use = known.use.copy()
-    use[k] = 0.0
-    return common_joint.refit(known, use, known.region).unknowns
 
 
 @dataclass(frozen=True)
@@ -316,13 +388,14 @@ class _Fit:
     left: Array  # (m,) mean squares at each instant, (m/s^2)^2
 
 
-def _fitted(ends: Sequence[_End], turn: Array, begin: Array, length: Array, noise: float) -> _Fit:
+def _fitted(window: _Window, turn: Array, begin: Array, length: Array) -> _Fit:
     """Of turns near some (C, 3) that go on so the one that explains most; small turns are as probable as TURN_SD says."""
-    course = _Course.of(ends[0].there, begin, length)
-    prior = noise / TURN_SD**2
+    course = _Course.of(window.there, begin, length)
+    prior = window.noise / TURN_SD**2
 
     def left(turn: Array) -> Array:
-        return np.stack([e.left(turn, course) for e in ends], axis=2).reshape(len(turn), -1)
+        every = [e.left(turn, course) for e in window.before]
+        return np.stack(every, axis=2).reshape(len(turn), -1)
 
     def cost(turn: Array, e: Array) -> Array:
         return np.asarray((e**2).sum(axis=1) + prior * (turn**2).sum(axis=1))

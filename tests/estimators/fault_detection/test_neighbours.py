@@ -207,8 +207,8 @@ def test_a_sensor_that_its_gyroscope_saw_turn_on_its_segment_is_named(
     turning = crosschecks.slipped(sensor, turn, 12.3, seconds=seconds)
     (found,) = told(losses([turning(b) for b in intact()]))
     assert (found.message.code, found.sensors) == ("sensor.slipped", (sensor,))
-    assert found.message.values["angle_deg"] == pytest.approx(17.0, rel=0.5)
-    assert found.spans[0][0] == pytest.approx(12.3, abs=0.1)
+    assert found.message.values["angle_deg"] == pytest.approx(17.0, rel=0.3)
+    assert found.spans[0][0] == pytest.approx(12.3, abs=0.05)
     assert found.correction is None  # later readings are right in a frame that turned with them
 
 
@@ -229,6 +229,15 @@ def test_a_turn_that_a_gyroscope_saw_is_named_in_the_simulator_that_is_not_ours(
     assert (found.message.code, found.sensors) == ("sensor.slipped", (sensor,))
     assert found.message.values["angle_deg"] == pytest.approx(17.0, abs=2.0)
     assert found.spans[0][0] == pytest.approx(14.0, abs=0.05)
+
+
+def test_a_turn_is_named_of_a_finger_that_rests_in_a_hand_that_rests() -> None:
+    """Nothing but the turn itself tells where the joints lie, and accelerometers' biases have to be learnt beside it."""
+    made, _ = silent_faults.recorded("tapping", 9001)
+    spoilt = crosschecks.slip(made, 17.0, "ring_middle", 14.0, 0.2)
+    (found,) = suspicions_of(spoilt.declared())
+    assert (found.message.code, found.sensors) == ("sensor.slipped", ("ring_middle",))
+    assert found.message.values["angle_deg"] == pytest.approx(17.0, abs=2.0)
 
 
 def test_a_sensor_that_its_gyroscope_did_not_see_turn_is_not_said_to_have_turned_so() -> None:

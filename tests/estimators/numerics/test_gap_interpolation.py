@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 
 from handscope.estimators.numerics.gap_interpolation import FREQUENCY, bridge_gaps, missed_variance
 
+NOTHING = np.empty((0, 3))
+
 
 def _known(n: int, first: int, length: int) -> np.ndarray:
     known = np.ones(n, bool)
@@ -59,5 +61,37 @@ def test_the_doubt_of_a_gap_covers_what_a_movement_of_that_frequency_hides() -> 
         filled = bridge_gaps(t, np.where(known, rate, np.nan)[:, None], known)[:, 0]
         lost = abs(np.sum(filled - rate) / 400)
         gyr = np.where(known, 5.0, np.nan)[:, None] * np.array([1.0, 0, 0])
-        assert lost <= np.sqrt(missed_variance(t, gyr, known).max())
-        assert np.flatnonzero(missed_variance(t, gyr, known)).tolist() == [first]
+        variance = missed_variance(t, gyr, known, NOTHING)
+        assert lost <= np.sqrt(variance.max())
+        assert np.flatnonzero(variance).tolist() == [first]
+
+
+def _struck(n: int, rng: np.random.Generator) -> np.ndarray:
+    """Rates (n, 3) of a finger that strikes by 25 deg within 0.1 s and goes back, now and then, at 80 Hz."""
+    rates = np.zeros(n)
+    bell = np.sin(np.pi * np.arange(1, 8) / 8) ** 2
+    for at in np.cumsum(rng.integers(25, 60, n // 30)):
+        if at + 14 < n:
+            rates[at : at + 14] += 7.6 * np.concatenate([bell, -bell])
+    return rates[:, None] * np.array([0.0, 0.6, 0.8])
+
+
+@pytest.mark.parametrize("length", [1, 2, 4])
+def test_what_was_missed_before_is_the_doubt_of_a_gap_between_strikes(length: int) -> None:
+    rng, errors, variances = np.random.default_rng(3), [], []
+    for first in range(500, 780, 2):
+        t, gyr, known = np.arange(800) / 80, _struck(800, rng), _known(800, first, length)
+        filled = bridge_gaps(t, np.where(known[:, None], gyr, np.nan), known)
+        errors.append(np.sum((np.sum(filled - gyr, axis=0) / 80) ** 2))
+        variances.append(missed_variance(t, gyr, known, NOTHING)[first])
+    assert 0.5 < np.mean(errors) / np.mean(variances) < 2.0
+
+
+def test_rates_before_the_first_row_tell_it_too_and_a_bias_does_not() -> None:
+    rng = np.random.default_rng(4)
+    t, gyr, known = np.arange(800) / 80, _struck(800, rng), _known(800, 700, 3)
+    gyr[[650, 690]] = np.nan
+    whole = missed_variance(t, gyr, known, NOTHING)[700]
+    later = missed_variance(t[600:], gyr[600:], known[600:], gyr[:600])[100]
+    biased = missed_variance(t, gyr + 0.1, known, NOTHING)[700]
+    np.testing.assert_allclose([later, biased], whole, rtol=1e-9)

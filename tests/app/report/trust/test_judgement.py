@@ -147,14 +147,16 @@ def test_what_was_not_tested_is_said_by_finger_and_changes_no_answer() -> None:
         "gyroscopes": ["hand", "ring_proximal", "ring_middle", "ring_distal"],
         "strips": ["index"],
         "fingers": ["middle", "ring"],
+        "turns": ["little_distal"],
     }
     trust = judge_trust([("tapping", figure())], True)
     said = trust_payload(trust, {}, EN, untested=untested)
     assert said["answer"] == "yes"
-    gyroscopes, strips, fingers = said["untested"]
+    gyroscopes, strips, fingers, turns = said["untested"]
     assert "hand; ring" in gyroscopes
     assert "index" in strips
     assert "each other's place" in fingers and "middle; ring" in fingers
+    assert "17°" in turns and "little" in turns
     assert trust_payload(trust, {}, EN)["untested"] == []
 
 
