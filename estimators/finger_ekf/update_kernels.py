@@ -13,6 +13,7 @@ from handscope.estimators.finger_ekf import (
     inclination_noise,
     joint_compliance,
     magnetic_heading,
+    mean_rest,
     mounting_change,
     preintegration,
     sensor_to_segment,
@@ -333,6 +334,7 @@ def _correct_chain(
     )
     _update_heading(p, mag, rates, vector_valid, joints, chain)
     zero_rate_update.zero_rate_update_row(p, T, window.bias_time, span, rates, chain)
+    mean_rest.mean_rest_row(p, chain)
 
 
 @rowwise("(j,q),(s,q),(j,v),(e,e),(d)->(d,d)")

@@ -41,36 +41,33 @@ def zero_rate_update_row(
         if rest_time[s] >= REST - 1e-9:
             due[s], some = 1.0, True
     if some:
-        innovation, H, noise, dx = (
-            np.zeros(12),
-            np.zeros((12, SIZE)),
-            np.zeros((12, 12)),
-            np.empty(SIZE),
-        )
-        update_rest_scatter_row(
-            rest_rotation, rest_time, due, chain.previous_rest_rate, chain.rest_rate_scatter
-        )
-        zero_rate_rows(
-            p,
-            rest_rotation,
-            rest_time,
-            due,
-            chain.bias,
-            chain.P,
-            chain.rest_rate_scatter,
-            innovation,
-            H,
-            noise,
-        )
-        correct(chain.P, innovation, H, noise, dx)
-        inject_error(
-            chain.q_pc, chain.bias, chain.q_SB, chain.soft_tissue_gain, chain.field_difference, dx
-        )
-        for s in range(4):
-            if due[s] > 0:
-                rest_time[s] = 0.0
-                for a in range(3):
-                    rest_rotation[s, a] = 0.0
+        zero_rate_correction_row(p, rest_rotation, rest_time, due, chain)
+
+
+@inlined
+def zero_rate_correction_row(
+    p: KernelParams, rotation: Array, time: Array, due: Array, chain: ChainState
+) -> None:
+    """Correct the chain by the rotation (4, 3) rad in a time (4,) s of the sensors that are `due` (4,), at rest in it; what they have rested counts once."""
+    innovation, H, noise, dx = (
+        np.zeros(12),
+        np.zeros((12, SIZE)),
+        np.zeros((12, 12)),
+        np.empty(SIZE),
+    )
+    update_rest_scatter_row(rotation, time, due, chain.previous_rest_rate, chain.rest_rate_scatter)
+    zero_rate_rows(
+        p, rotation, time, due, chain.bias, chain.P, chain.rest_rate_scatter, innovation, H, noise
+    )
+    correct(chain.P, innovation, H, noise, dx)
+    inject_error(
+        chain.q_pc, chain.bias, chain.q_SB, chain.soft_tissue_gain, chain.field_difference, dx
+    )
+    for s in range(4):
+        if due[s] > 0:
+            chain.rest_time[s], chain.stay_time[s] = 0.0, -math.inf
+            for a in range(3):
+                chain.rest_rotation[s, a] = 0.0
 
 
 @inlined
