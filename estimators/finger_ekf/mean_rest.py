@@ -116,3 +116,10 @@ def mean_rest_row(p: KernelParams, chain: ChainState) -> None:
                 rates[s, a] = chain.stay_sums[s, 0, a]
         if some:
             zero_rate_correction_row(p, rates, one, due, chain)
+
+
+@inlined
+def joint_correlation(p: KernelParams, span: float, stay_clock: Array) -> float:
+    """Over how many updates, each after `span` s, errors of a joint's forbidden angles are alike: as long as it stays where it is, at least over `correlation`."""
+    stayed = stay_clock[NEWEST] - stay_clock[SINCE]
+    return max(1.0, (max(p.correlation, stayed) if math.isfinite(stayed) else p.correlation) / span)

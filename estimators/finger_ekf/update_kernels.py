@@ -244,7 +244,7 @@ def _correct_chain(
         np.empty(SIZE),
     )
     inclination_variance, compliance_variance = np.empty(4), np.empty(3)
-    T = window.delta_q
+    T, lasts = window.delta_q, mean_rest.joint_correlation(p, span, chain.stay_clock)
     for s in range(4):
         vector_valid[s] = (
             1.0
@@ -296,7 +296,7 @@ def _correct_chain(
         joints.free,
         joints.limits,
         joints.known,
-        span,
+        lasts,
         innovation,
         H,
         noise,
@@ -323,7 +323,7 @@ def _correct_chain(
         own_variance,
         joints.free,
         compliance_variance,
-        span,
+        lasts,
         innovation,
         noise,
         chain.compliance_stats,

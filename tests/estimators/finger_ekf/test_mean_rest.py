@@ -84,6 +84,14 @@ def test_a_long_window_measures_once_and_not_where_a_gyroscope_gave_nothing() ->
     assert state.stay_clock[0, mean_rest.SINCE] == t[0]
 
 
+def test_errors_of_joints_are_alike_as_long_as_the_chain_stays() -> None:
+    """Updates after 0.2 s each: at least the option, then the time that it has stayed."""
+    lasts = interpreted(mean_rest.joint_correlation)
+    assert lasts(NUMBERS, 0.2, np.full(4, np.nan)) == pytest.approx(5.0)
+    assert lasts(NUMBERS, 0.2, np.array([10.0, 10.0, 10.4, 0.0])) == pytest.approx(5.0)
+    assert lasts(NUMBERS, 0.2, np.array([10.0, 10.0, 70.0, 0.0])) == pytest.approx(300.0)
+
+
 def test_biases_of_a_finger_that_trembles_are_found_however_its_samples_come() -> None:
     """A minute at 4.5 Hz: no rest is seen, and the vertical tells nothing of a turn about itself."""
     t = _seconds(60.0)
