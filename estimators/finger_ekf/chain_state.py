@@ -10,6 +10,8 @@ from typing import NamedTuple
 from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.typing import Array
 
+SINCE, BEGUN, NEWEST, HALVES = 0, 1, 2, 3  # of stay_clock
+
 
 class Window(NamedTuple):
     """What the four sensors of each chain did since the newest update."""

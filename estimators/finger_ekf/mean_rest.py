@@ -11,18 +11,22 @@ import math
 
 import numpy as np
 
-from handscope.estimators.finger_ekf.chain_state import ChainState
+from handscope.estimators.finger_ekf.chain_state import (
+    BEGUN,
+    HALVES,
+    NEWEST,
+    SINCE,
+    ChainState,
+)
 from handscope.estimators.finger_ekf.kernel_params import KernelParams
-from handscope.estimators.finger_ekf.zero_rate_update import zero_rate_correction_row
+from handscope.estimators.finger_ekf.zero_rate_update import LONG, zero_rate_correction_row
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.jit import inlined, looped
 from handscope.estimators.numerics.typing import Array
 
-LONG = 6.0  # s of the window whose mean rate measures the bias
 # s of the windows, each half over the next, that tell whether a sensor stays: of 4 Hz they pass 1/500
 SHORT = 1.2
 COMPLETE = 0.95  # share of a window in which a gyroscope must have given samples of its own
-SINCE, BEGUN, NEWEST, HALVES = 0, 1, 2, 3  # of stay_clock
 
 
 @looped

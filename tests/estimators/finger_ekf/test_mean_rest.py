@@ -5,9 +5,10 @@ import pytest
 
 from handscope.estimators.finger_ekf import filter as finger_ekf_filter
 from handscope.estimators.finger_ekf import mean_rest
-from handscope.estimators.finger_ekf.chain_state import ChainState
+from handscope.estimators.finger_ekf.chain_state import BEGUN, NEWEST, SINCE, ChainState
 from handscope.estimators.finger_ekf.filter import FilterParams, pack_params
 from handscope.estimators.finger_ekf.samples import Samples
+from handscope.estimators.finger_ekf.zero_rate_update import LONG
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 from tests.estimators.finger_ekf.test_filter import _index, _samples
@@ -52,10 +53,10 @@ def _seconds(duration: float) -> Array:
 @pytest.mark.parametrize("hz", [4.0, 5.5])
 def test_the_mean_rate_of_a_chain_that_trembles_in_place_is_its_bias(hz: float) -> None:
     """Two axes out of phase by 2 deg: the mean of the rates alone would be off by 0.5 deg/s and more."""
-    t = _seconds(mean_rest.LONG)
+    t = _seconds(LONG)
     turn = _turns(t, 2.0, hz)
     chains = _accumulated(t, turn)
-    assert chains.stay_clock[0, mean_rest.SINCE] == t[0]
+    assert chains.stay_clock[0, SINCE] == t[0]
     np.testing.assert_allclose(
         chains.stay_sums[0, :, 0] / DEG, np.tile(BIAS / DEG, (4, 1)), atol=0.01
     )
@@ -69,19 +70,33 @@ def test_a_chain_that_moves_slowly_does_not_stay(deg: float, hz: float) -> None:
     t = _seconds(12.0)
     chains = _accumulated(t, _turns(t, 1.0, 5.0, deg * np.sin(2 * np.pi * hz * t)))
     clock = chains.stay_clock[0]
-    assert clock[mean_rest.NEWEST] - clock[mean_rest.SINCE] < 0.5 * mean_rest.LONG
+    assert clock[NEWEST] - clock[SINCE] < 0.5 * LONG
 
 
 def test_a_long_window_measures_once_and_not_where_a_gyroscope_gave_nothing() -> None:
     """The third sensor's rotation is its fusion's."""
-    t = _seconds(mean_rest.LONG + 0.3)
+    t = _seconds(LONG + 0.3)
     samples: Samples = _samples(t, _turns(t, 1.0, 4.5))
     samples.bias_time[:, :, 2] = 0.0
     state, _ = finger_ekf_filter.step(FilterParams(), _index(FilterParams()), samples)
     measured = np.isfinite(state.previous_rest_rate[0]).all(axis=1)
     np.testing.assert_array_equal(measured, [True, True, False, True])
-    assert state.stay_clock[0, mean_rest.BEGUN] > t[0] + mean_rest.LONG
-    assert state.stay_clock[0, mean_rest.SINCE] == t[0]
+    assert state.stay_clock[0, BEGUN] > t[0] + LONG
+    assert state.stay_clock[0, SINCE] == t[0]
+
+
+def test_a_hand_that_creeps_is_measured_by_long_windows_once_it_has_stayed() -> None:
+    """Without tremor: four short rests, then a long window; noise as large as rates of 0.05 deg/s and 20 s make it, not as their short differences."""
+    t = _seconds(120.0)
+    creep = 0.05 * 20 / (2 * np.pi) * np.sin(2 * np.pi * t / 20)
+    state = _index(FilterParams())
+    for first in range(0, len(t), 1000):
+        part = _samples(t, _turns(t, 0.0, 4.0, creep)).between(slice(first, first + 1000))
+        state, _ = finger_ekf_filter.step(FilterParams(), state, part)
+    squares, number = state.rest_rate_scatter[0]
+    assert number < 12 * (LONG / 1.5 + 120 / LONG)
+    assert np.sqrt(squares / number) > 0.01 * DEG
+    assert (state.rest_time == 0).all()
 
 
 def test_errors_of_joints_are_alike_as_long_as_the_chain_stays() -> None:
