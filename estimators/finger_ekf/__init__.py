@@ -7,7 +7,7 @@ pose_error                         what the pose was missed by, and which joints
 preintegration                     propagation of state and covariance: (2.3)-(2.5), (2.17), (2.20)-(2.22)
 measurements                       shared vertical (2.25)-(2.28); joint constraints (2.29)-(2.32)
 magnetic_heading                   heading by the field of hand and fingertip: (2.24)-(2.27)
-zero_rate_update                   gyroscope biases of sensors at rest
+zero_rate_update, mean_rest        gyroscope biases of sensors at rest, also of a hand that trembles
 inclination_noise, joint_compliance  errors of the vertical and of joints, learnt from the recording
 mounting_change                    a sensor that has turned on its segment
 between_chains                     what the fingers' chains learn of the hand's sensor, for thumb and wrist

@@ -10,6 +10,8 @@ from typing import NamedTuple
 from handscope.estimators.numerics.jit import inlined
 from handscope.estimators.numerics.typing import Array
 
+SINCE, BEGUN, NEWEST, HALVES = 0, 1, 2, 3  # of stay_clock
+
 
 class Window(NamedTuple):
     """What the four sensors of each chain did since the newest update."""
@@ -42,6 +44,10 @@ class ChainState(NamedTuple):
     rest_rotation: Array
     previous_rest_rate: Array
     rest_rate_scatter: Array
+    stay_clock: Array
+    stay_rotation: Array
+    stay_time: Array
+    stay_sums: Array
     mean_square_rate: Array
     initial_vertical: Array
     current_vertical: Array
@@ -80,6 +86,10 @@ def chain_of(chains: ChainState, f: int) -> ChainState:
         chains.rest_rotation[f],
         chains.previous_rest_rate[f],
         chains.rest_rate_scatter[f],
+        chains.stay_clock[f],
+        chains.stay_rotation[f],
+        chains.stay_time[f],
+        chains.stay_sums[f],
         chains.mean_square_rate[f],
         chains.initial_vertical[f],
         chains.current_vertical[f],

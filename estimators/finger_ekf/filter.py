@@ -16,7 +16,7 @@ import numpy as np
 
 from handscope.estimators.data.mounting_change import MountingChange
 from handscope.estimators.data.options import option
-from handscope.estimators.finger_ekf import mounting_change, sensor_to_segment
+from handscope.estimators.finger_ekf import mean_rest, mounting_change, sensor_to_segment
 from handscope.estimators.finger_ekf.between_chains import hand_bias, hand_mounting
 from handscope.estimators.finger_ekf.between_chains.chain_estimates import Estimates
 from handscope.estimators.finger_ekf.chain_state import ChainState, Joints, Window
@@ -152,6 +152,11 @@ class State:
     )
     # (F, 2) half the squared differences of successive rest rates, (rad/s)^2, and their number
     rest_rate_scatter: Array
+    # (F, 4) s, since when the chain stays where it is; begin of the window, its newest sample (NaN: none), halves of short windows in it
+    stay_clock: Array
+    stay_rotation: Array  # (F, 4, 4) of the sensors since the window began, biases included
+    stay_time: Array  # (F, 4) s of it in which the bias is; -inf: seen at rest meanwhile
+    stay_sums: Array  # (F, 4, 3, 3) rad/s, mean rates over the long window and the two short ones
     up: Array  # (F, 4, 3) vertical, low-passed over SETTLED, zero where unknown
     # (F, 4) (rad/s)^2, squared rate, low-passed over the correlation time of the vertical's errors
     mean_square_rate: Array
@@ -215,6 +220,10 @@ def start(
         nothing,
         np.full((chains, 4, 3), np.nan),
         np.zeros((chains, 2)),
+        np.full((chains, 4), np.nan),
+        still,
+        np.zeros((chains, 4)),
+        np.zeros((chains, 4, 3, 3)),
         nothing,
         np.zeros((chains, 4)),
         nothing,
@@ -251,7 +260,7 @@ def step(params: FilterParams, state: State, samples: Samples) -> tuple[State, E
                 )
             )
             continue
-        _accumulate(state, samples, slice(first, int(last)), q_joint)
+        _accumulate(kernel_params, state, samples, slice(first, int(last)), q_joint)
         if (block := state.joint_acceleration) is not None and samples.at_joint is not None:
             at_joint = _rows(samples.at_joint, slice(first, int(last)))
             block_sums.accumulate(at_joint, block.unknowns, block.sums)
@@ -289,13 +298,19 @@ def _owned(state: State) -> State:
     )
 
 
-def _accumulate(state: State, samples: Samples, rows: slice, q_joint: Array) -> None:
-    """Add rows to the open window in place, and fill the joints (n, F, 3, 4) after each row."""
+def _accumulate(
+    kernel_params: KernelParams, state: State, samples: Samples, rows: slice, q_joint: Array
+) -> None:
+    """Add rows to the open windows in place, and fill the joints (n, F, 3, 4) after each row."""
+    t, turn, bias_time, variance = (
+        np.ascontiguousarray(x[rows])
+        for x in (samples.t, samples.turn, samples.bias_time, samples.rotation_variance)
+    )
+    mean_rest.accumulate(t, turn, bias_time, kernel_params.rest_rate, _of(state, ChainState))
     extend_windows(
-        *(
-            np.ascontiguousarray(x[rows])
-            for x in (samples.turn, samples.bias_time, samples.rotation_variance)
-        ),
+        turn,
+        bias_time,
+        variance,
         state.bias,
         state.q_pc,
         state.q_SB,

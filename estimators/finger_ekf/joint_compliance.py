@@ -30,11 +30,10 @@ def compliance_variance_row(p: KernelParams, compliance_stats: Array, variance: 
 
 @inlined
 def update_compliance_row(
-    p: KernelParams, q_before: Array, q: Array, own_variance: Array, free: Array, variance: Array, span: float,
+    p: KernelParams, q_before: Array, q: Array, own_variance: Array, free: Array, variance: Array, lasts: float,
     innovation: Array, noise: Array, compliance_stats: Array,
 ) -> None:  # fmt: skip
     """Update `compliance_stats` from rows 9..17, whose variances `own_variance` (9,) the filter's errors make, and enlarge the noise of unlikely residuals. Rotations between sensors (3, 4) before and after the window."""
-    lasts = max(1.0, p.correlation / span)
     for j in range(3):
         cosine = abs(
             q[j, 0] * q_before[j, 0]

@@ -4,7 +4,7 @@ In      rotations between the sensors of one chain, gravity or specific forces i
 Out     rows for a Kalman update: innovation, Jacobian H by the 43 error states, noise; unused rows have zero Jacobians and innovations
 Source  Kortier, thesis ch. 2: (2.25)-(2.28) vectors of neighbouring segments with their gates,
         (2.29)-(2.32) joint constraints, written for angles: the same for small ones, and ranges of motion fit in; zero-rate updates as in VQF (Laidig & Seel 2023)
-Limits  time-correlated noise counts as white noise, its variance scaled by correlation time over update interval
+Limits  time-correlated noise counts as white noise, its variance scaled by correlation time over update interval; that of joints is at least the time that the chain has stayed (mean_rest.py)
 """
 
 import math
@@ -263,17 +263,16 @@ def joint_constraints_row(
     free: Array,
     limits: Array,
     known: Array,
-    span: float,
+    lasts: float,
     innovation: Array,
     H: Array,
     noise: Array,
 ) -> None:
-    """Rows 9..17, three a joint: forbidden angles are zero, the others within their range; soft. (2.29)-(2.32)
+    """Rows 9..17, three a joint: forbidden angles are zero, the others within their range; soft; their errors are alike over `lasts` updates. (2.29)-(2.32)
 
     Jacobians are taken at the permitted angles, so that a hinge gains no spurious flexion information. The end of a range is one-sided: its noise includes the angle's own variance from P (43, 43).
     """
     angles, allowed, J = np.empty(3), np.empty(3), np.empty((3, 3))
-    lasts = max(1.0, p.correlation / span)
     for j in range(3):
         joint_angles.decompose_row(q[j], angles, angles)
         for a in range(3):

@@ -13,6 +13,7 @@ from handscope.estimators.finger_ekf import (
     inclination_noise,
     joint_compliance,
     magnetic_heading,
+    mean_rest,
     mounting_change,
     preintegration,
     sensor_to_segment,
@@ -243,7 +244,7 @@ def _correct_chain(
         np.empty(SIZE),
     )
     inclination_variance, compliance_variance = np.empty(4), np.empty(3)
-    T = window.delta_q
+    T, lasts = window.delta_q, mean_rest.joint_correlation(p, span, chain.stay_clock)
     for s in range(4):
         vector_valid[s] = (
             1.0
@@ -295,7 +296,7 @@ def _correct_chain(
         joints.free,
         joints.limits,
         joints.known,
-        span,
+        lasts,
         innovation,
         H,
         noise,
@@ -322,7 +323,7 @@ def _correct_chain(
         own_variance,
         joints.free,
         compliance_variance,
-        span,
+        lasts,
         innovation,
         noise,
         chain.compliance_stats,
@@ -333,6 +334,7 @@ def _correct_chain(
     )
     _update_heading(p, mag, rates, vector_valid, joints, chain)
     zero_rate_update.zero_rate_update_row(p, T, window.bias_time, span, rates, chain)
+    mean_rest.mean_rest_row(p, chain)
 
 
 @rowwise("(j,q),(s,q),(j,v),(e,e),(d)->(d,d)")

@@ -149,7 +149,7 @@ def _constrain(jacobian: _Jacobian) -> _Rows:
             FREE_INDEX.astype(float),
             LIMITS_INDEX,
             np.ones(3),
-            0.2,
+            5.0,
         )
         interpreted(finger_ekf_measurements.joint_constraints_row)(
             pack_params(FilterParams()), *each[:2], *given, *each[2:]

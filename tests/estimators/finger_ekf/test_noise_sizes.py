@@ -115,7 +115,7 @@ def _learnt(seemed: Array, known: float, turned: float) -> Array:
             own_variance,
             free,
             variance,
-            0.2,
+            5.0,
             innovation,
             noise,
             compliance_stats,
