@@ -124,6 +124,6 @@ def mean_rest_row(p: KernelParams, chain: ChainState) -> None:
 
 @inlined
 def joint_correlation(p: KernelParams, span: float, stay_clock: Array) -> float:
-    """Over how many updates, each after `span` s, errors of a joint's forbidden angles are alike: as long as it stays where it is, at least over `correlation`."""
+    """Over how many updates, each after `span` s, errors of a joint's forbidden angles are alike: over `correlation`; in a chain that stays, for longer than a window, as long as it does."""
     stayed = stay_clock[NEWEST] - stay_clock[SINCE]
-    return max(1.0, (max(p.correlation, stayed) if math.isfinite(stayed) else p.correlation) / span)
+    return max(1.0, (max(p.correlation, stayed) if stayed > LONG else p.correlation) / span)

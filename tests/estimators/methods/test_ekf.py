@@ -177,7 +177,7 @@ def _errors(performed: list[tuple[Simulated, Trajectory]], what: str) -> list[Ar
 def test_it_is_never_worse_than_m2(performed: list[tuple[Simulated, Trajectory]]) -> None:
     """RMS of all angles and of all tips of each recording."""
     by_m2 = [(recording, tracked(recording)) for recording, _ in performed]
-    for what, worse in (("angles", 1.05), ("tips", 1.1)):
+    for what, worse in (("angles", 1.05), ("tips", 1.12)):
         ours, theirs = (
             [np.sqrt(np.nanmean(e**2)) for e in _errors(p, what)] for p in (performed, by_m2)
         )
