@@ -4,7 +4,7 @@ In      rotations between the sensors of one chain, gravity or specific forces i
 Out     rows for a Kalman update: innovation, Jacobian H by the 43 error states, noise; unused rows have zero Jacobians and innovations
 Source  Kortier, thesis ch. 2: (2.25)-(2.28) vectors of neighbouring segments with their gates,
         (2.29)-(2.32) joint constraints, written for angles: the same for small ones, and ranges of motion fit in; zero-rate updates as in VQF (Laidig & Seel 2023)
-Limits  time-correlated noise counts as white noise, its variance scaled by correlation time over update interval; that of joints is at least the time that the chain has stayed (mean_rest.py)
+Limits  time-correlated noise counts as white noise, its variance scaled by correlation time over update interval; that of joints is the time that a chain has stayed, if it is long (mean_rest.py)
 """
 
 import math
