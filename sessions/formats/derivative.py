@@ -124,8 +124,10 @@ def finding_table(suspicion: Suspicion) -> Mapping[str, Any]:
 
 
 def untested_table(untested: Untested) -> Mapping[str, Any]:
-    """What the checks could not have found: sensors whose gyroscopes, fingers whose strips, and fingers whose places on the hand the movement does not test."""
-    return {name: list(getattr(untested, name)) for name in ("gyroscopes", "strips", "fingers", "turns")}
+    """What the checks could not have found: sensors whose gyroscopes, fingers whose strips, fingers whose places on the hand, and sensors whose turns on their segments the movement does not test."""
+    return {
+        name: list(getattr(untested, name)) for name in ("gyroscopes", "strips", "fingers", "turns")
+    }
 
 
 def _description(software: str) -> Mapping[str, Any]:
