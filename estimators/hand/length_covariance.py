@@ -33,9 +33,6 @@ BREADTH_SD = 0.045  # of itself, where it was not measured
 # if they correlate with the palm by 0.5 to 0.6; that correlation is ours
 FROM_PALM_SD = 0.06
 THUMB_ANGLE_SD = np.radians(3.0)  # of the angle between wrist-MCP 3 and wrist-CMC; size ours
-# m, by which a derived root lies before or behind the plane through wrist and MCP 3: knuckles form
-# an arch, and the thumb's base lies in the palm; sizes ours
-ARCH_SD = {"thumb": 8e-3, "index": 4e-3, "middle": 0.0, "ring": 4e-3, "little": 4e-3}
 
 
 def covariance(
@@ -61,7 +58,7 @@ def _of_finger(geometry: HandGeometry, finger: str, length_sd: float) -> Array:
 
 def _root(geometry: HandGeometry, finger: str, length_sd: float) -> Array:
     """How its place errs (3, causes): with its distance from the wrist, with the hand's breadth,
-    about the hand's normal, along it."""
+    about the hand's normal."""
     joint = root_joint(finger)
     x, y, z = geometry.joint_positions[joint]
     distance = float(np.hypot(y, z))
@@ -78,12 +75,7 @@ def _root(geometry: HandGeometry, finger: str, length_sd: float) -> Array:
         else (0.0, 0.0 if "hand_breadth" in geometry.measured else BREADTH_SD)
     )
     return np.array(
-        [
-            [along * x, along * y, along * z],
-            [0.0, 0.0, broad * z],
-            [0.0, -turned * z, turned * y],
-            [ARCH_SD[finger], 0.0, 0.0],
-        ]
+        [[along * x, along * y, along * z], [0.0, 0.0, broad * z], [0.0, -turned * z, turned * y]]
     ).T
 
 

@@ -120,17 +120,12 @@ def test_a_bone_that_was_found_from_movement_errs_as_it_was_found() -> None:
 
 def test_people_err_as_told(rng: np.random.Generator) -> None:
     """Palm and fingers measured without error, ratios and knuckles of their own within two standard
-    deviations of the mean hand; these people's knuckles lie in one plane, so they get an arch here."""
+    deviations of the mean hand."""
     normal = []
     for _ in range(150):
         somebody, q_pc = person.draw_person("left", rng), _bent(rng)
-        arched = {
-            joint: (x + rng.normal(0.0, length_covariance.ARCH_SD[joint.split("_")[0]]), y, z)
-            for joint, (x, y, z) in somebody.true.joint_positions.items()
-        }
-        true = replace(somebody.true, joint_positions=arched)
         error = forward_kinematics.tips(q_pc, somebody.declared) - forward_kinematics.tips(
-            q_pc, true
+            q_pc, somebody.true
         )
         normal.append(error / _tips_sd(somebody.declared, q_pc))
     assert 0.7 < np.mean(np.square(normal)) < 1.05
