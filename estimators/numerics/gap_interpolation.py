@@ -7,8 +7,8 @@ Source  Hermite interpolation; a movement of frequency f is missed by (2 pi f L)
         angle turned in a gap of length L (remainder of the corrected trapezium rule; the straight
         line misses (2 pi f L)^2 / 12), which at 3 Hz and 0.1 s is 2 % instead of 30 %. What a gap of
         as many samples would have missed shortly before is the measure of brisker movement: a finger
-        that strikes within 0.1 s is missed by 7 deg in four samples of 80 Hz, all it has of edges
-        being still (leave-out cross-validation: Stone 1974, J R Stat Soc B 36:111)
+        that strikes within 0.1 s is missed by 7 deg in four samples of 80 Hz although it is still at
+        both edges (leave-out cross-validation: Stone 1974, J R Stat Soc B 36:111)
 """
 
 from functools import cache
@@ -72,7 +72,7 @@ def missed_variance(t: Array, gyr: Array, known: Bools, earlier: Array) -> Array
 
 
 def _missed_before(rates: Array, count: int) -> float:
-    """Mean square, in units of rates (n, 3), of what bridging would have missed of the sum of `count` of them; 0 where too few stretches are whole."""
+    """Mean square, in units of rates (n, 3), of what bridging would have missed of the sum of `count` successive ones; 0 where too few stretches are whole."""
     stretches = len(rates) - count - 3
     if stretches < FEWEST:
         return 0.0

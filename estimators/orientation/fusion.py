@@ -58,12 +58,8 @@ def start(
         SensorState(starts.get(s), biases.get(s, np.zeros(3)), known_until, known.get(s))
         for s in stream.sensors
     )
-    return StreamState(
-        stream,
-        tuple(sensors),
-        1.0 / (rate or stream.rate),
-        recent=np.empty((0, len(stream.sensors), 3)),
-    )
+    period, nothing = 1.0 / (rate or stream.rate), np.empty((0, len(stream.sensors), 3))
+    return StreamState(stream, tuple(sensors), period, nothing)
 
 
 def step(params: FusionParams, state: StreamState, block: Block) -> tuple[StreamState, Oriented]:
@@ -134,15 +130,15 @@ def _advance(
             sensors.append(after)
         fused = _join_sensors(params, state.period, tuple(sensors), block.values)
     newest = float(block.t[-1]) if len(block.t) else state.t
-    rates = _rates(settled.values, whole[:count])
+    rates = _rates(settled.values[-RECENT:], whole[:count][-RECENT:])
     after_all = StreamState(
         state.stream,
         fused,
         state.period,
+        np.concatenate([state.recent, rates])[-RECENT:],
         newest,
         held if len(held.t) else None,
         sampled[count:],
-        np.concatenate([state.recent, rates])[-RECENT:],
     )
     return after_all, Oriented(settled.t, q_GS, flags, rotation_variance, sampled[:count])
 
@@ -349,6 +345,7 @@ def _bridge_gaps(
         [[sensor.previous is not None, sensor.last is not None and not sensor.absent], whole[rows]]
     )
     filled = bridge_gaps(t, values, known)
+    # but for the newest, with which `t[1:]` begins
     earlier = np.concatenate([recent, _rates(block.values[:first, k], whole[:first])])[:-1]
     rates = values[1:, :3] - sensor.bias
     steps = missed_variance(t[1:], rates, known[1:], earlier - sensor.bias)[1 : 1 + last - first]

@@ -97,11 +97,11 @@ class StreamState:
     stream: Stream
     fused: tuple[SensorState, ...] | JointState
     period: float  # s, between samples as they come
+    # (rows, sensors, 3) rad/s of the newest rows, at most RECENT; NaN where missing
+    recent: Array
     t: float = -np.inf  # newest sample seen
     held: Block | None = None  # samples that wait until a gap at their end is over
     held_sampled: Bools = field(default_factory=lambda: np.empty(0, bool))
-    # (rows, sensors, 3) rad/s of the newest rows, at most RECENT; NaN where missing
-    recent: Array = field(default_factory=lambda: np.empty((0, 0, 3)))
 
     @property
     def sensors(self) -> tuple[SensorState, ...]:

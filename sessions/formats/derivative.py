@@ -1,7 +1,7 @@
 """The derivative of a recording as Motion-BIDS (docs/motion-bids.md): joint angles, fingertips and orientations with what they rest on."""
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -125,9 +125,7 @@ def finding_table(suspicion: Suspicion) -> Mapping[str, Any]:
 
 def untested_table(untested: Untested) -> Mapping[str, Any]:
     """What the checks could not have found: sensors whose gyroscopes, fingers whose strips, fingers whose places on the hand, and sensors whose turns on their segments the movement does not test."""
-    return {
-        name: list(getattr(untested, name)) for name in ("gyroscopes", "strips", "fingers", "turns")
-    }
+    return {f.name: list(getattr(untested, f.name)) for f in fields(untested)}
 
 
 def _description(software: str) -> Mapping[str, Any]:

@@ -182,8 +182,7 @@ def _ratios(pairs: Pairs, others: Others, sensor: str) -> list[Array]:
     sizes, found = others.without(sensor), []
     for joint in _joints_of(pairs, sensor):
         fit, use = pairs.joint(*joint, joint), pairs.use(*joint)
-        expected = sizes.expected(fit.couple.parts)
-        sums = fit.sums * (use / expected)[:, None, None]
+        sums = _weighted_sums(fit, use, sizes.expected(fit.couple.parts))
         step = _step_by(sums.sum(axis=0) - sums, joint.index(sensor))
         found.append(np.einsum("ki,kij,kj->k", step, sums, step) / fit.couple.count)
     return found
@@ -209,12 +208,12 @@ def _shows(
         return 0.0
     begin = np.full(2, 0.5 * (joint_windows.LENGTH - TAKEN))
     course = _Course.of(window.there, begin, np.full(2, TAKEN))
-    ends, joints = window.anywhen, _joints_of(pairs, sensor)
+    ends = window.anywhen
     # readings of a sensor that did not turn, taken for those of one that did, leave what a turn leaves that is not known
     spoilt = np.mean([e.left(np.stack([turn, -turn]), course) ** 2 for e in ends], axis=3)
-    parts = [pairs.joint(*joint, joint).couple.parts for joint in joints]
-    expected = [others.without(sensor).expected(p)[k] for p in parts]
-    odd = [s.mean(axis=1) > ODD * e * max(1.0, u) for s, e, u in zip(spoilt, expected, usual)]
+    odd = [
+        s.mean(axis=1) > ODD * e * max(1.0, u) for s, e, u in zip(spoilt, window.expected, usual)
+    ]
     left = _squares(ends)
     known = replace(window, noise=SPOILT * window.noise)
     sure = [known.p_value(w, left) < SURE for w in spoilt.mean(axis=0)]
@@ -229,6 +228,7 @@ class _Window:
     before: list["_End"]
     after: list["_End"]
     there: NDArray[np.bool_]  # which of the window's instants all have, m of them
+    expected: list[float]  # (m/s^2)^2, what the recording's other joints let expect of each
     noise: float  # (m/s^2)^2, what they usually leave
     tests: float  # turns that are tried in the recording
 
@@ -241,20 +241,21 @@ class _Window:
         m = int(there.sum())
         if m < LEAST_INSTANTS:
             return None
-        sizes, ends, noise = others.without(sensor), [], []
+        sizes, ends, here, noise = others.without(sensor), [], [], []
         for joint, fit in zip(joints, fits):
             expected, use = sizes.expected(fit.couple.parts), pairs.use(*joint)
-            sums = fit.sums * (use / expected)[:, None, None]
+            sums = _weighted_sums(fit, use, expected)
             sides = [s.sum(axis=0) for s in (sums[:k], sums[k + 1 :])]
             steps = [_step_by(s, joint.index(sensor)) for s in (sum(sides), *sides)]
             left = sum(x @ s @ x for x, s in zip(steps[1:], sides)) / fit.couple.count
-            noise.append(float(expected[k]) * max(1.0, left / max(1, use.sum() - 1)))
+            here.append(float(expected[k]))
+            noise.append(here[-1] * max(1.0, left / max(1, use.sum() - 1)))
             places = [fit.unknowns + x[:-1] for x in steps]
             ends.append([_End.of(pairs, joint, x, sensor, k, there) for x in places])
         anywhen, before, after = (list(e) for e in zip(*ends))
         count = 2 * len(pairs.series.sensors) * len(pairs.series.chosen)
         tests = count * len(LENGTHS) * m
-        return cls(anywhen, before, after, there, float(np.mean(noise)), tests)
+        return cls(anywhen, before, after, there, here, float(np.mean(noise)), tests)
 
     def p_value_of(self, left: Array) -> float:
         """Of a turn that leaves mean squares (m,) `left`, wherever the joints lie without one."""
@@ -271,6 +272,11 @@ class _Window:
         less = float(without[kept].mean()) - rest
         ratio = less / OF_COURSE / (max(rest, self.noise) / free)
         return float(f_sf(ratio, OF_COURSE, free)) * self.tests
+
+
+def _weighted_sums(fit: Joint, use: NDArray[np.bool_], expected: Array) -> Array:
+    """A joint's sums (K, 13, 13) of the windows that are used, over what is expected to be left in each (K,)."""
+    return np.asarray(fit.sums * (use / expected)[:, None, None])
 
 
 def _step_by(sums: Array, own: int) -> Array:
