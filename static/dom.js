@@ -1,4 +1,5 @@
 /** Elements without markup from text: h("p", { class: "hint", onclick }, "text", child, [more]). */
+import { afterPress } from "./presses.js";
 import { isSame } from "./same.js";
 
 const SVG = "http://www.w3.org/2000/svg"; // a name, not an address
@@ -39,14 +40,19 @@ export function hide(element, hidden) {
   if (element.hidden !== hidden) element.hidden = hidden;
 }
 
-/** Draws again only when what `select` picks is another than before: what a person is about to press stays in place. */
+/** Draws again only when what `select` picks is another than before: what a person is about to press, or presses, stays in place. */
 export function whenChanged(select, draw) {
   let before = Symbol("nothing yet");
-  return (value) => {
-    const picked = select(value);
+  let newest;
+  const drawNewest = () => {
+    const picked = select(newest);
     if (isSame(before, picked)) return;
     before = picked;
     draw(picked);
+  };
+  return (value) => {
+    newest = value;
+    afterPress(drawNewest);
   };
 }
 

@@ -46,6 +46,7 @@ OPEN_FILES = (
     "/static/preferences.js",
     "/static/theme.js",
     "/static/dom.js",
+    "/static/presses.js",
     "/static/same.js",
     "/static/forms.js",
     "/static/progress_bar.js",

@@ -63,5 +63,11 @@ def test_a_second_viewer_sees_the_same_session_and_both_are_led_on(
     shown(act(second, "continue")).click()
     for each in (first, second):  # the button that ends a session is another one in each step
         shown(each.get_by_role("heading", name="Initial pose"))
+    shown(act(first, "start")).hover()
+    first.mouse.down()
+    act(second, "assist").click()  # all buttons are drawn anew
+    shown(second.get_by_role("button", name="The patient takes the pose"))
+    first.mouse.up()  # the button that was pressed is still there
+    shown(act(first, "stop"))
     end_session(second)
     first.wait_for_url("**/sessions/*")
