@@ -24,7 +24,7 @@ def as_findings(suspicions: Sequence[Suspicion]) -> list[Finding]:
             sentence=sentence(s.message),
             fix="",
             severity="fault" if s.message.severity == "fault" else "warning",
-            spans=s.spans,
+            spans=tuple((float(begin), float(end)) for begin, end in s.spans),
         )
         for s in suspicions
         if s.message.severity != "info"

@@ -18,6 +18,7 @@ from handscope.estimators.fault_detection.single_sensors.sudden_turns import (
     spikes,
     sudden_turns,
 )
+from handscope.estimators.fault_detection.words import as_findings
 from handscope.estimators.hand.anatomy import FINGERS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
@@ -157,6 +158,7 @@ def _spiked(blocks: tuple[Block, ...], sensor: str, angle_deg: float, width: int
 @pytest.mark.parametrize("angle", [8.5, -17.0])
 def test_a_turn_within_a_sample_or_two_is_told(width: int, angle: float) -> None:
     (found,) = check_sensors(_spiked(moved_freely(), "ring_distal", angle, width))
+    assert [type(t) for t in as_findings([found])[0].spans[0]] == [float, float]  # as they print
     assert (found.message.code, found.sensors) == ("sensor.spike", ("ring_distal",))
     assert found.spans[0][0] == pytest.approx(AT, abs=0.03)
     assert found.message.values["angle_deg"] == pytest.approx(abs(angle), abs=1.5)
