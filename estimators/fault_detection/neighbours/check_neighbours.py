@@ -200,7 +200,11 @@ def _named(views: Views, odd: Sequence[tuple[str, str]]) -> list[Suspicion]:
         at_odd_joint = any(set(joint) & set(cause.sensors) for joint in odd)
         return cause.suspicion.p_value < (exchanges.OTHERS if at_odd_joint else FALSE_ALARM)
 
-    exchange = exchanges.find(pairs) or exchanges.find_by_distances(pairs)
+    def cause_of(exchange: exchanges.Exchange) -> _Cause:
+        return _Cause(tuple(exchange.order), exchange.gain, of_exchange(exchange, pairs))
+
+    by_joints = [c for e in [exchanges.find(pairs)] if e and is_sure(c := cause_of(e))]
+    by_distances = [] if by_joints else [exchanges.find_by_distances(pairs)]
     wrong_gains = [
         g
         for g in (gains.find(pairs), rate_tests.find_gain(rates))
@@ -208,21 +212,20 @@ def _named(views: Views, odd: Sequence[tuple[str, str]]) -> list[Suspicion]:
         and not others.refute_rates(g.sensor, np.eye(3) / g.gain, whole_span(pairs))
     ]
     single = [
+        *by_joints,
+        *(cause_of(e) for e in by_distances if e),
         *(
-            [_Cause(tuple(exchange.order), exchange.gain, of_exchange(exchange, pairs))]
-            if exchange
-            else ()
+            c
+            for g in wrong_gains
+            if is_sure(c := _Cause((g.sensor,), g.evidence, of_gain(g, pairs)))
         ),
-        *(_Cause((g.sensor,), g.evidence, of_gain(g, pairs)) for g in wrong_gains),
     ]
     late = _late(delays.find(pairs))
     known = [s for c in late if is_sure(c) for s in c.sensors]
     late += _late(filter(is_right, rate_tests.find_delays(rates, known)))
     known = [s for c in late if is_sure(c) for s in c.sensors]
     late += _late(filter(is_right, vibration.find(views.vibration, known)))
-    named = _most_probable(
-        pairs, [c for c in single if is_sure(c)], [c for c in late if is_sure(c)]
-    )
+    named = _most_probable(pairs, single, [c for c in late if is_sure(c)])
     accused = [s for t in named for s in t.sensors]
     named += [
         of_delay(d)

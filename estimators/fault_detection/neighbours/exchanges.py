@@ -24,9 +24,8 @@ from handscope.estimators.numerics.typing import Array
 MARGIN = 1.2  # of the log ratio of all joints together: skin alone lets another order leave up to a third at one joint; ours
 EXPLAINED = 4.0  # times their noise that joints leave after the exchange: of what leaves more, it is not the cause
 BEYOND = 8.0  # weight of a window that skin does not explain, even where sensors that change places turn alike
-FALSE_ALARM = 2e-4  # of the distances along all fingers of one recording, as of every family of check_neighbours.py
+FALSE_ALARM = 1e-3  # of the distances along all fingers of one recording, as of finger_order.py; another order has to fit as well, as in one of ten intact hands
 SPACING_SD = 0.004  # m, of the distance of neighbouring sensors from the declared; more where other fingers show it
-KNOWN = 0.005  # m, standard deviation by movement up to which a distance is known
 LEAST_OTHERS = 4  # distances of other fingers that tell the errors
 FITS = 0.01  # probability from which on an order is compatible with the distances
 OTHERS = 0.01  # probability from which on a second exchange explains the readings as well as the best one
@@ -128,7 +127,7 @@ def _order_tests(
     others = [d for f, d in along.items() if f != finger]
     wrong = [(d.found - d.declared) / np.hypot(d.sd, SPACING_SD) for d in others]
     errors, sd = np.concatenate([np.zeros(0), *wrong]), np.hypot(mine.sd, SPACING_SD)
-    if len(errors) < LEAST_OTHERS or mine.sd.max() > KNOWN:
+    if len(errors) < LEAST_OTHERS:
         return
     own = (mine.found - mine.declared) / sd
     middles = np.concatenate([[0.0], np.cumsum(mine.declared)])
