@@ -98,6 +98,20 @@ def test_samples_that_are_lost_within_a_stroke_are_no_misfit() -> None:
     assert left[True] < max(2 * left[False], 0.1)
 
 
+def test_no_spline_bridges_a_sample_that_is_cut_off() -> None:
+    """One lost sample is bridged; one at the limit read more than anything beside it."""
+    (block,) = keystrokes(lost=False)
+    values, row = block.values.copy(), 1003
+    values[row, 0, block.stream.axes(ACC)] = [100.0, 0.0, 0.0]
+    for full_scale, is_bridged in (({ACC: 100.0}, False), ({}, True)):
+        stream = replace(block.stream, full_scale=full_scale)
+        series = joint_windows.common_series([replace(block, stream=stream, values=values)], {})
+        assert series is not None
+        beside = np.abs(series.t - block.t[row]) < 0.009
+        assert (series.whole[beside, 0] == is_bridged).all()
+        assert series.whole[beside, 1].all()
+
+
 def test_of_a_window_the_longest_piece_without_a_gap_counts() -> None:
     whole = np.ones((3, 25), bool)
     whole[1, [6, 20]] = False  # leaves instants 7 to 19
