@@ -106,7 +106,7 @@ def extend(
 ) -> History:
     """With the block that ends at t, of the chains' scores (F, 4, 3) and information (F, 4, 3, 3)."""
     n = len(SEGMENTS)
-    newest = (
+    scores, known, stats = (
         np.concatenate([before[-(AFTER + BEFORE - 1) :], now[None]])
         for before, now in (
             (history.score, (_IS_OF @ score.reshape(-1, 3)).reshape(n, 3)),
@@ -115,7 +115,7 @@ def extend(
         )
     )
     missed = np.concatenate([history.missed[-(AFTER + BEFORE) :], np.zeros((1, n))])
-    return History(t, *newest, missed)
+    return History(t, scores, known, stats, missed)
 
 
 def compliance_before(history: History) -> Array:

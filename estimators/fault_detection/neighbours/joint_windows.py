@@ -253,7 +253,7 @@ def _sensors_read(
             half = _spline(np.ascontiguousarray(at[::2]), rates[::2], later)[1]
             doubt = BY_HALF * np.linalg.norm(change - half, axis=2)
             acc, _, also_near = _spline(at, taken(block, ACC, there, own), t)
-            near &= also_near & ~_beside(clipped[:, own].any(axis=1), there, at, t)
+            near &= also_near & ~_beside(np.asarray(clipped[:, own].any(axis=1)), there, at, t)
             columns = [names.index(block.stream.sensors[k]) for k in own]
             level = _resting_rates(gyr, near)
             known = [bias.get(names[k], one) for k, one in zip(columns, level)]
