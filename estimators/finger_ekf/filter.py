@@ -270,6 +270,9 @@ def step(params: FilterParams, state: State, samples: Samples) -> tuple[State, E
             state = replace(state, newest=newest)
             continue
         state = _interrupt_after_gap(state)
+        if state.history is not None:
+            history = mounting_change.count_missed(state.history, state.rotation_variance)
+            state = replace(state, history=history)
         P.append(_close_window(kernel_params, state, samples, first - 1, q_joint))
         update_rows.append(first - 1)
         state = replace(state, newest=newest, t=newest)

@@ -5,10 +5,11 @@ Out     which sensor has turned, since when, by how much; the covariance of its 
 Source  generalised likelihood ratio of a step in the mounting against none: Willsky & Jones 1976, IEEE Trans Autom Control 21:108; without their feedback, as
         the filter hardly follows innovations that it takes for unlikely. Ours: what the seconds before show is common to both hypotheses, so that what joints
         and skin do all the time is no step
+        What bridging gaps has missed stays in the joints until something corrects it, and looks like a turn: an offset of that variance is common to both, too
 Limits  a turn about a freedom of the joint is not seen: of a finger's sensors that about the axis of flexion
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,10 +30,15 @@ SENSORS: Indices = np.vstack(
 )
 # (segments, 24) 1 where the sensor of a chain is the segment's
 _IS_OF = (SENSORS.ravel() == np.arange(len(SEGMENTS))[:, None]).astype(float)
+_NEAR: Array = np.zeros((len(SEGMENTS), len(SEGMENTS)))
+_NEAR[SENSORS[:, 1:], SENSORS[:, :-1]] = _NEAR[SENSORS[:, :-1], SENSORS[:, 1:]] = 1.0
+np.fill_diagonal(_NEAR, 0.0)  # the wrist's chain has the hand several times
+_NEAR /= _NEAR.sum(axis=1, keepdims=True)  # (segments, segments) mean over a segment's neighbours
 BLOCK = 1.0  # s over which innovations are summed
 AFTER, BEFORE = 8, 20  # blocks since a step, and before it, that are compared
 LOOKED_AT = np.array([1, 2, 4, 8])  # of those since a step, in which one is looked for
 LEAST_BEFORE = 3  # blocks
+LASTING = 2  # blocks that what a gap hid lasts in the joints, at least
 STEP_SD = np.radians(10.0)  # of a step, each axis
 COMMON_SD = np.radians(5.0)  # of what is there before a step, too
 TESTS = 3600.0 / BLOCK * AFTER * len(SEGMENTS)  # an hour
@@ -52,6 +58,7 @@ class History:
     score: Array  # (n, segments, 3) rad^-1
     information: Array  # (n, segments, 3, 3) rad^-2
     compliance_stats: Array  # (n, chains, 3, 2) at the end of each block
+    missed: Array  # (n + 1, segments) rad^2 that gaps may have hidden in each block; last since the newest one
 
 
 @inlined
@@ -81,7 +88,17 @@ def accumulate_row(
 def begin(t: float) -> History:
     """Without any block."""
     n, F = len(SEGMENTS), len(SENSORS)
-    return History(t, np.zeros((0, n, 3)), np.zeros((0, n, 3, 3)), np.zeros((0, F, 3, 2)))
+    nothing = np.zeros((0, n, 3)), np.zeros((0, n, 3, 3)), np.zeros((0, F, 3, 2))
+    return History(t, *nothing, np.zeros((1, n)))
+
+
+def count_missed(history: History, variance: Array) -> History:
+    """With the variances (F, 4) rad^2 of the chains' sensors from gaps since the update before."""
+    missed = history.missed.copy()
+    by_chain = np.zeros((len(SEGMENTS), SENSORS.size))
+    by_chain[SENSORS.ravel(), np.arange(SENSORS.size)] = variance.ravel()
+    missed[-1] += by_chain.max(axis=1)
+    return replace(history, missed=missed)
 
 
 def extend(
@@ -89,7 +106,7 @@ def extend(
 ) -> History:
     """With the block that ends at t, of the chains' scores (F, 4, 3) and information (F, 4, 3, 3)."""
     n = len(SEGMENTS)
-    newest = (
+    scores, known, stats = (
         np.concatenate([before[-(AFTER + BEFORE - 1) :], now[None]])
         for before, now in (
             (history.score, (_IS_OF @ score.reshape(-1, 3)).reshape(n, 3)),
@@ -97,7 +114,8 @@ def extend(
             (history.compliance_stats, compliance_stats),
         )
     )
-    return History(t, *newest)
+    missed = np.concatenate([history.missed[-(AFTER + BEFORE) :], np.zeros((1, n))])
+    return History(t, scores, known, stats, missed)
 
 
 def compliance_before(history: History) -> Array:
@@ -152,6 +170,12 @@ def _likelihood_ratios(history: History, lengths: Indices) -> tuple[Array, Array
     after, before = lengths - 1, np.minimum(lengths + BEFORE, len(score)) - 1
     known, eye = information[after], np.eye(3)
     share = known @ np.linalg.inv(information[before] + eye / COMMON_SD**2)
-    own = score[after] - (share @ score[before][..., None])[..., 0]
-    turn = np.linalg.solve(known - share @ known + eye / STEP_SD**2, own[..., None])[..., 0]
-    return (own * turn).sum(axis=-1), turn
+    own, known = score[after] - (share @ score[before][..., None])[..., 0], known - share @ known
+    missed = np.cumsum(history.missed[::-1], axis=0)[np.minimum(lengths + LASTING, len(score))]
+    missed = (missed + missed @ _NEAR.T) / 3  # each axis: gaps tell the mean square of all
+    known, own = (
+        np.linalg.solve(eye + known * missed[..., None, None], each)
+        for each in (known, own[..., None])
+    )
+    turn = np.linalg.solve(known + eye / STEP_SD**2, own)[..., 0]
+    return (own[..., 0] * turn).sum(axis=-1), turn

@@ -99,8 +99,7 @@ def process(
         calibration_recording = with_orientations(takes, calibration_recording)
     require_magnetometers(method.CAPABILITIES, recording)
     scales_declared = _limits_known(recording)
-    if scales := saturation.find_full_scales(whole_of(recording)):
-        recording = saturation.WithFullScales(recording, scales)
+    recording = saturation.with_full_scales(recording, whole_of(recording))
     ends: list[object] = []  # the method's states
     movement, calibrations, warnings = _estimate(
         method, params, recording, calibration_recording, progress, known, ends.append

@@ -28,8 +28,10 @@ from handscope.estimators.numerics.native_libraries import freed_memory_returned
 from handscope.estimators.pipeline.coupled_segments import flag_coupled, remembered
 from handscope.estimators.pipeline.process import Processed, whole_of
 from handscope.estimators.pipeline.recording_calibration import calibrate
+from handscope.estimators.recording_checks.clipped_gyroscopes import CLIPPED, clipped_gyroscopes
 from handscope.estimators.recording_checks.free_joints import check_joints
 from handscope.estimators.recording_checks.pose_gravity import check_pose
+from handscope.estimators.sensors.saturation import with_full_scales
 
 EXPLAINS = {  # what a cause of the file looks like at single sensors, by the kind of their findings
     "file.accelerometer_unit": "gravity",
@@ -52,6 +54,7 @@ def check_processed(processed: Processed, recording: Recording) -> Processed:
 
     What the method noticed itself of a turned sensor stands for what the checks say of it. Flags are written into the trajectory in place; standard deviations are widened (data/deviations.py).
     """
+    recording = with_full_scales(recording, whole_of(recording))
     turned = {sensor for s in processed.suspicions for sensor in s.sensors}
     compared = Compared(whole_of(recording), recording, processed.calibrations)
     # before sensors are compared: either takes a good part of a long recording's memory
@@ -61,6 +64,7 @@ def check_processed(processed: Processed, recording: Recording) -> Processed:
         s
         for s in suspicions_of(recording, processed.calibrations, compared)
         if not (s.message.code in BY_TURNED and turned & {*s.sensors})
+        and s.message.code != CLIPPED  # a finding of processing
     ]
     findings = as_findings(suspicions)
     flag_segments(processed.trajectory, [*as_findings(processed.suspicions), *findings])
@@ -142,8 +146,11 @@ def suspicions_of(
     list of Suspicion
         Of a sensor that one names nothing more is suspected by its joints; questions (severity `info`) last.
     """
+    recording = with_full_scales(recording, whole_of(recording))
     known = calibrations_of(recording) if calibrations is None else calibrations
+    clipped = clipped_gyroscopes(whole_of(recording))
     found = check_recording(whole_of(recording), recording, known, compared)
+    found = [*clipped, *(s for s in found if not _by_clipping(s, clipped))]
     named = {n for s in found if s.message.severity != "info" for n in s.sensors}
     found += [s for s in check_joints(recording, known) if _is_asked(s) or not named & {*s.sensors}]
     of_pose = check_pose(recording, known)
@@ -160,6 +167,7 @@ def untested_of(
     by_gravity: Mapping[str, Mapping[float, bool]] | None = None,
 ) -> Untested:
     """What the recording's movement is too little for, but for sensors of which something is found."""
+    recording = with_full_scales(recording, whole_of(recording))
     known = calibrations_of(recording) if calibrations is None else calibrations
     named = {n for s in suspicions if s.message.severity != "info" for n in s.sensors}
     return untested(whole_of(recording), recording, known, named, compared, by_gravity)
@@ -171,6 +179,13 @@ def calibrations_of(recording: Recording) -> list[Calibration]:
         return calibrate(m2.Params(), recording)[0]
     except InputError:
         return []
+
+
+def _by_clipping(suspicion: Suspicion, clipped: Sequence[Suspicion]) -> bool:
+    """Whether sensors disagree of which one clips."""
+    return suspicion.message.code == "sensors.disagree" and any(
+        {*c.sensors} & {*suspicion.sensors} for c in clipped
+    )
 
 
 def _is_asked(suspicion: Suspicion) -> bool:

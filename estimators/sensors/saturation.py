@@ -19,6 +19,7 @@ from handscope.estimators.data.samples import (
     ACC,
     GYR,
     Block,
+    Recording,
     RecordingView,
     Stream,
 )
@@ -104,3 +105,9 @@ class WithFullScales(RecordingView):
     def scaled(self, block: Block) -> Block:
         """The same samples of a stream that states its full scales."""
         return replace(block, stream=_declare(block.stream, self.scales))
+
+
+def with_full_scales(recording: Recording, blocks: Iterable[Block]) -> Recording:
+    """The recording of these blocks with the full scales that are found in it, where there are any."""
+    scales = find_full_scales(blocks)
+    return WithFullScales(recording, scales) if scales else recording

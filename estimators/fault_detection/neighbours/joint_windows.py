@@ -3,7 +3,7 @@
 In      blocks of all inertial streams, gyroscope biases where known
 Out     per window and sensor: specific force, and what an arm of one metre along each axis would add to it, as time series in a frame that does not turn
 Source  acceleration of a point of a rigid body; rates integrated within a window only, so that biases do not accumulate
-Limits  samples that are missing or saturated are bridged by splines, no more than `LONGEST_GAP`; of a window with longer gaps counts the longest piece without one
+Limits  samples that are missing are bridged by splines, no more than `LONGEST_GAP`; of a window with longer gaps, or saturated samples, counts the longest piece without one
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -239,7 +239,8 @@ def _sensors_read(
 ) -> Iterator[_Group]:
     """The sensors, a few at a time: splines of all take several times the memory of the recording."""
     for block in blocks:
-        good = is_complete(block) & ~block.at_limit(GYR) & ~block.at_limit(ACC)
+        clipped = block.at_limit(GYR) | block.at_limit(ACC)
+        good = is_complete(block) & ~clipped
         good &= np.concatenate([[True], np.diff(block.t) > 0])[:, None]
         later = t + behind * float(np.median(np.diff(block.t)))
         worn = np.flatnonzero([s in names for s in block.stream.sensors])
@@ -252,7 +253,7 @@ def _sensors_read(
             half = _spline(np.ascontiguousarray(at[::2]), rates[::2], later)[1]
             doubt = BY_HALF * np.linalg.norm(change - half, axis=2)
             acc, _, also_near = _spline(at, taken(block, ACC, there, own), t)
-            near &= also_near
+            near &= also_near & ~_beside(np.asarray(clipped[:, own].any(axis=1)), there, at, t)
             columns = [names.index(block.stream.sensors[k]) for k in own]
             level = _resting_rates(gyr, near)
             known = [bias.get(names[k], one) for k, one in zip(columns, level)]
@@ -271,6 +272,17 @@ def _spline(at: Array, values: Array, t: Array) -> tuple[Array, Array, NDArray[n
     longest = max(LONGEST_GAP, 1.5 * float(np.median(np.diff(at))))
     near = (at[after] - at[after - 1] < longest) & (t >= at[0]) & (t <= at[-1])
     return both.reshape(shape), change.reshape(shape), near
+
+
+def _beside(
+    clipped: NDArray[np.bool_], there: NDArray[np.bool_], at: Array, t: Array
+) -> NDArray[np.bool_]:
+    """Which instants (n,) lie between two samples `there`, at times `at`, that are parted by a clipped one: it read most of all, which no spline knows."""
+    if not clipped.any() or len(at) < 2:
+        return np.zeros(len(t), bool)
+    before = np.cumsum(clipped)[there]
+    after = np.clip(np.searchsorted(at, t), 1, len(at) - 1)
+    return np.asarray(before[after] > before[after - 1])
 
 
 def _resting_rates(gyr: Array, near: NDArray[np.bool_]) -> Array:

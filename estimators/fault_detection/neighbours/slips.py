@@ -230,6 +230,7 @@ class _Window:
     there: NDArray[np.bool_]  # which of the window's instants all have, m of them
     expected: list[float]  # (m/s^2)^2, what the recording's other joints let expect of each
     noise: float  # (m/s^2)^2, what they usually leave
+    weight: Array  # (m,) of the instants: less where samples do not tell how rates change
     tests: float  # turns that are tried in the recording
 
     @classmethod
@@ -255,7 +256,11 @@ class _Window:
         anywhen, before, after = (list(e) for e in zip(*ends))
         count = 2 * len(pairs.series.sensors) * len(pairs.series.chosen)
         tests = count * len(LENGTHS) * m
-        return cls(anywhen, before, after, there, here, float(np.mean(noise)), tests)
+        usual = float(np.mean(noise))
+        neighbours = [j[1 - j.index(sensor)] for j in joints]
+        between = _between_samples(pairs, neighbours, k)[there]
+        weight = usual / (usual + between)
+        return cls(anywhen, before, after, there, here, usual, weight, tests)
 
     def p_value_of(self, left: Array) -> float:
         """Of a turn that leaves mean squares (m,) `left`, wherever the joints lie without one."""
@@ -265,13 +270,25 @@ class _Window:
 
     def p_value(self, without: Array, left: Array) -> float:
         """Of a turn that leaves mean squares (m,) `left` of those that are left `without` one."""
-        m = len(without)
+        m, without, left = len(without), self.weight * without, self.weight * left
         kept = np.arange(m) != np.argmax(without)  # a knock leaves much at one instant
         free = len(self.anywhen) * (m - 1) - OF_COURSE  # as in `_jump`: one of three axes' worth
         rest = float(left[kept].mean())
         less = float(without[kept].mean()) - rest
         ratio = less / OF_COURSE / (max(rest, self.noise) / free)
         return float(f_sf(ratio, OF_COURSE, free)) * self.tests
+
+
+def _between_samples(pairs: Pairs, sensors: Sequence[str], k: int) -> Array:
+    """Mean squares (instants,) (m/s^2)^2 that arms may add in window k beyond what derivatives between samples tell, as where a finger is stopped: of the worst of some sensors.
+
+    Of a sensor's neighbours: a turn of its own within a few samples leaves them alone.
+    """
+    series, m = pairs.series, round(joint_windows.LENGTH * joint_windows.RATE)
+    rows = np.minimum(int(series.chosen[k]) * m + np.arange(m), len(series.t) - 1)
+    columns = [series.sensors.index(s) for s in sensors]
+    doubt = series.doubt[rows][:, columns].max(axis=1).reshape(-1, joint_windows.AVERAGED)
+    return np.asarray(common_joint.ARM**2 * (doubt**2).mean(axis=1))
 
 
 def _weighted_sums(fit: Joint, use: NDArray[np.bool_], expected: Array) -> Array:

@@ -141,7 +141,8 @@ def _spikes_of(t: Array, rate: Array) -> list[tuple[float, float]]:
         inner = np.lib.stride_tricks.sliding_window_view(rate[1:-1], width, axis=0).sum(axis=2)
         excess = np.linalg.norm(inner - 0.5 * width * (before + behind), axis=1)
         returns = np.linalg.norm(behind - before, axis=1) < RETURNED * excess
-        whole = t[width + 1 :] - t[: -width - 1] < (width + 1) * NO_GAP * usual
+        steps = np.lib.stride_tricks.sliding_window_view(np.diff(t), width + 1)
+        whole = steps.max(axis=1) < NO_GAP * usual
         for k in np.flatnonzero((excess * usual > LEAST) & returns & whole).tolist():
             near = np.arange(max(0, k - ASIDE), min(len(excess), k + ASIDE + 1))
             others = excess[near[np.abs(near - k) > width]]

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from handscope.estimators.data.samples import ACC, GYR, Block, Stream
-from handscope.estimators.fault_detection.neighbours import common_joint, joint_windows
+from handscope.estimators.fault_detection.neighbours import common_joint, joint_windows, slips
+from handscope.estimators.fault_detection.neighbours.other_joints import Others
 from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.numerics import quaternions as quat
@@ -98,6 +99,20 @@ def test_samples_that_are_lost_within_a_stroke_are_no_misfit() -> None:
     assert left[True] < max(2 * left[False], 0.1)
 
 
+def test_no_spline_bridges_a_sample_that_is_cut_off() -> None:
+    """One lost sample is bridged; one at the limit read more than anything beside it."""
+    (block,) = keystrokes(lost=False)
+    values, row = block.values.copy(), 1003
+    values[row, 0, block.stream.axes(ACC)] = [100.0, 0.0, 0.0]
+    for full_scale, is_bridged in (({ACC: 100.0}, False), ({}, True)):
+        stream = replace(block.stream, full_scale=full_scale)
+        series = joint_windows.common_series([replace(block, stream=stream, values=values)], {})
+        assert series is not None
+        beside = np.abs(series.t - block.t[row]) < 0.009
+        assert (series.whole[beside, 0] == is_bridged).all()
+        assert series.whole[beside, 1].all()
+
+
 def test_of_a_window_the_longest_piece_without_a_gap_counts() -> None:
     whole = np.ones((3, 25), bool)
     whole[1, [6, 20]] = False  # leaves instants 7 to 19
@@ -122,3 +137,19 @@ def test_what_is_between_samples_counts_as_noise_where_they_are_few() -> None:
         assert couple.noise.min() > (common_joint.ARM * couple.doubt.min()) ** 2
     assert doubt[1] < 0.01 * float(np.median(couple.turning))
     assert doubt[2] > 8 * doubt[1]  # errors go by the cube of the interval
+
+
+def test_strokes_that_are_hardly_sampled_are_no_turn_of_a_sensor() -> None:
+    """Two strokes a second of its neighbour leave much at three instants each, where nothing tells what happened between samples; the same left elsewhere would be a turn."""
+    (block,) = keystrokes(lost=False)
+    sampled = replace(block, t=block.t[::2], values=block.values[::2])
+    series = joint_windows.common_series([sampled], {})
+    assert series is not None
+    p = Pairs(series, sized("left"), dict.fromkeys(series.sensors, quat.IDENTITY))
+    window = slips._Window.of(p, Others(p), "index_proximal", 9)
+    assert window is not None
+    strokes = np.isin(np.arange(25), [5, 6, 7, 17, 18, 19])
+    without = window.noise * np.where(strokes, 200.0, 0.3)
+    left = np.full(25, 0.3 * window.noise)
+    assert window.p_value(without, left) > slips.SURE
+    assert window.p_value(np.roll(without, 6), left) < slips.SURE

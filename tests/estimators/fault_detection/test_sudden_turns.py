@@ -198,6 +198,20 @@ def test_a_flick_makes_no_spike_at_any_rate(rate: float, lasting: float) -> None
     assert spikes([_flicked(rate, lasting)]) == []
 
 
+@pytest.mark.parametrize("rate", [60.0, 100.0])
+def test_a_stroke_that_misses_a_sample_makes_no_spike(rate: float) -> None:
+    """A drumming finger that falls within 0.05 s, once a second: of its few samples any one may be lost."""
+    t = np.arange(0.0, 60.0, 1 / rate)
+    since = t % 1.0137  # s
+    falling = np.where(since < 0.05, since / 0.05, np.clip(1 - (since - 0.05) / 0.01, 0, 1))
+    values = np.stack([0 * t, 0 * t, np.radians(900.0) * falling, 0 * t, 0 * t, 9.81 + 0 * t], 1)
+    stream = Stream("imu", ("ring_distal",), (GYR, ACC), rate)
+    for lost in range(7):
+        lossy = values.copy()
+        lossy[np.floor(since * rate) == lost] = np.nan
+        assert spikes([Block(stream, t, lossy[:, None])]) == []
+
+
 def test_a_turn_that_explains_little_of_a_step_is_none() -> None:
     """As at a keystroke, whose force lasts: a turn would make an eighth of it."""
     usual = np.random.default_rng(4).normal(0.0, 1.0, (40, 3))

@@ -8,6 +8,7 @@ import pytest
 
 from handscope.estimators.data.mounting_change import MountingChange
 from handscope.estimators.data.trajectory import Flag
+from handscope.estimators.finger_ekf import mounting_change
 from handscope.estimators.hand.anatomy import IS_DOF, SEGMENT
 from handscope.estimators.methods import ekf
 from handscope.estimators.pipeline.process import Processed, process
@@ -119,3 +120,20 @@ def test_the_seconds_between_turn_and_notice_are_doubtful_and_the_checks_do_not_
     doubtful = (moved.flags[:, SEGMENT[sensor]] & Flag.DOUBTFUL) != 0
     assert doubtful[(moved.t > start) & (moved.t < noticed)].all()
     assert not doubtful[(moved.t > noticed + 0.2)].any()
+
+
+@pytest.mark.parametrize(("missed_deg", "is_told"), [(0.0, True), (1.0, True), (12.0, False)])
+def test_what_gaps_may_have_hidden_is_no_turn(missed_deg: float, is_told: bool) -> None:
+    """A step of 15 deg in the last three seconds of twenty; what bridged gaps may have missed meanwhile is as large, or small."""
+    step, known, history = np.radians(15.0), np.zeros((6, 4, 3, 3)), mounting_change.begin(0.0)
+    known[2, 2] = 400.0 * np.eye(3)  # of the middle finger's middle sensor
+    missed = np.zeros((6, 4))
+    missed[2, 1] = np.radians(missed_deg) ** 2  # by its neighbour
+    for k in range(20):
+        score = known @ np.array([0.0, step if k >= 17 else 0.0, 0.0])
+        history = mounting_change.count_missed(history, missed if k == 16 else 0 * missed)
+        history = mounting_change.extend(history, k + 1.0, score, known, np.zeros((6, 3, 2)))
+    change = mounting_change.find(history)
+    assert (change is not None) == is_told
+    if change is not None:
+        assert change.segments == ("middle_middle",)
