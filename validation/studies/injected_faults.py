@@ -97,8 +97,12 @@ OF_SENSOR: Mapping[str, tuple[Callable[[Cells, float, int], Cells], tuple[float,
 
 
 def change_clock_rate(blocks: list[Block], percent: float) -> list[Block]:
-    """Blocks whose clock runs faster or slower by so many percent."""
-    return [replace(b, t=b.t * (1 + percent / 100)) for b in blocks]
+    """Blocks of a file without timestamps that tells a rate too low by so many percent, or too high."""
+    longer = 1 + percent / 100
+    return [
+        replace(b, t=b.t * longer, stream=replace(b.stream, rate=b.stream.rate / longer))
+        for b in blocks
+    ]
 
 
 def drop_rows(blocks: list[Block], seconds: float) -> list[Block]:

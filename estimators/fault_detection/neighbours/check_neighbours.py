@@ -34,6 +34,7 @@ from handscope.estimators.fault_detection.neighbours.rates.common_rates import C
 from handscope.estimators.fault_detection.neighbours.rates.synchrony import Signals
 from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
 from handscope.estimators.fault_detection.neighbours.suspicions import (
+    of_common_gain,
     of_delay,
     of_exchange,
     of_gain,
@@ -158,7 +159,7 @@ class Compared:
 
 
 def check_neighbours(views: Views, geometry: HandGeometry) -> list[Suspicion]:
-    """Check neighbouring sensors against each other: exchanged, late, slipped; the declared hand itself is asked by `check_hand`.
+    """Check neighbouring sensors against each other: exchanged, late, slipped, or all with rates of another file; the declared hand itself is asked by `check_hand`.
 
     Returns
     -------
@@ -167,12 +168,15 @@ def check_neighbours(views: Views, geometry: HandGeometry) -> list[Suspicion]:
         subtracted from the sensors' times), `turn` (4,) from `start` (s) on: rotation that takes vectors of the sensor's later frame to its earlier one.
     """
     pairs = views.pairs
-    if not pairs.explains:
-        return []
     if _behind_the_wrist(geometry):
         return []  # so are its joint positions told by `check_hand`
     if (verdict := _verdict(pairs, geometry)[0]) is not None and verdict.kind == "hand":
         return []  # `check_hand` tells it; every joint lies elsewhere than expected
+    gain, p_value = gains.find_common(pairs)
+    if p_value < FALSE_ALARM and pairs.with_common_gain(gain).explains:
+        return [of_common_gain(gain, p_value, pairs)]
+    if not pairs.explains:
+        return []
     every = [*unexplained.find(pairs, views.others), *rate_tests.find_unexplained(views.rates)]
     odd = _once([u for u in every if u.p_value < FALSE_ALARM])
     named = _named(views, [u.joint for u in odd])

@@ -1,7 +1,7 @@
-"""Gyroscopes that read too much or too little: the joints around them fit only where their rates are divided by a gain.
+"""Gyroscopes that read too much or too little, one or all: the joints around them fit only where their rates are divided by a gain.
 
 In      pairs of sensors (sensor_pairs.py)
-Out     which sensor, and how many times the true rate it reads
+Out     which sensor, and how many times the true rate it reads; or how many times too much all of them turn, as where the file's rate is told wrong
 Source  ours: the acceleration of a common joint at the gain that leaves least; test: paired_test.py
 Limits  gains between `GAINS`; a joint that rests, or turns little within a second, tells nothing. Gravity tells gains of slow movement: single_sensors/
 """
@@ -19,6 +19,9 @@ GAINS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.1, 1.2, 1.3, 1.5, 1.8, 2.2)
 TOLERATED = 0.07  # of a gain: calibration, a joint that lies a little elsewhere
 MARGIN = 0.4  # of the mean log ratio of a joint, as for delays (delays.py)
 LEAST_SURE = 0.01  # probability from which on a gain is looked at no further
+COMMON = (0.8, 0.9, 1.1, 1.2)  # of all gyroscopes; those farther off gravity tells
+AGREEING = 2 / 3  # of the joints that tell a gain of all gyroscopes
+FEWEST = 4  # joints that tell it: one gyroscope alone has two
 EXPLAINED = 4.0  # times their noise that joints leave at the gain: of what leaves more, a gain is not the cause
 
 
@@ -43,6 +46,43 @@ def find(pairs: Pairs) -> Gain | None:
         return None
     best = max(sure, key=lambda g: g.evidence)
     return replace(best, p_value=best.p_value * count)
+
+
+def find_common(pairs: Pairs) -> tuple[float, float]:
+    """The gain that all gyroscopes have in common, with the probability of such evidence without any: 1 where none explains the joints better.
+
+    The arm's acceleration is the same in both sensors of a joint, so that it looks like no gain, as it may to gravity.
+    """
+    if len(pairs.joints) < FEWEST:
+        return 1.0, 1.0
+    before, use = _in_noise(pairs)
+    after = {1.0: before} | {g: _in_noise(pairs.with_common_gain(g))[0] for g in COMMON}
+    gains = sorted(after)
+    totals = [float(np.log1p(after[g])[use].sum()) for g in gains]
+    k = int(np.argmin(totals))
+    if gains[k] == 1.0:
+        return 1.0, 1.0
+    best = gains[k]
+    if 0 < k < len(gains) - 1:
+        best = vertex(np.array(gains[k - 1 : k + 2]), np.array(totals[k - 1 : k + 2]))
+    if abs(best - 1.0) <= TOLERATED:
+        return 1.0, 1.0
+    left = _in_noise(pairs.with_common_gain(best))[0]
+    gained = np.log1p(before) - np.log1p(left)
+    # what noise may make tells less
+    weight = np.where(use, np.clip(np.maximum(before, left), 0.0, 1.0), 0.0)
+    of_joint = (weight * gained).sum(axis=1)[weight.any(axis=1)]
+    if len(of_joint) < FEWEST or np.mean(of_joint > 0) < AGREEING:
+        return 1.0, 1.0
+    each = (weight * gained).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-12)
+    return best, min(1.0, len(COMMON) * paired_test.p_value(each, 0.0, weight.max(axis=0)))
+
+
+def _in_noise(pairs: Pairs) -> tuple[Array, NDArray[np.bool_]]:
+    """What all joints (J, K) leave over, in times their noise, and where both sensors have samples and turn."""
+    fits = [pairs.joint(*j, j) for j in pairs.joints]
+    use = [pairs.use(*j) & pairs.turns(*j) for j in pairs.joints]
+    return np.array([f.rest / f.noise for f in fits]), np.array(use)
 
 
 def p_value_of(wrong: Pairs, right: Pairs, sensor: str, gain: float) -> float:

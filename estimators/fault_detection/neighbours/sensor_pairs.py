@@ -83,6 +83,12 @@ class Pairs:
         """A sensor and its neighbours, its rates divided by a gain."""
         return self.with_rates(sensor, np.eye(3) / gain)
 
+    def with_common_gain(self, gain: float) -> "Pairs":
+        """All sensors, their rates divided by a gain."""
+        series = self.series
+        divided = replace(series, gyr=series.gyr / gain, change=series.change / gain)
+        return Pairs(divided, self.geometry, self.q_BS)
+
     def with_rates(self, sensor: str, M: Array) -> "Pairs":
         """A sensor and its neighbours, its rates those that a matrix (3, 3) makes of its readings."""
         around = {sensor, *(n for joint in self.joints if sensor in joint for n in joint)}

@@ -30,6 +30,17 @@ def whole_span(pairs: Pairs) -> tuple[float, float]:
     return pairs.series.span
 
 
+def of_common_gain(gain: float, p_value: float, pairs: Pairs) -> Suspicion:
+    """A rate that the file tells wrong, or all gyroscopes that turn too much or too little."""
+    values: dict[str, float | str] = {
+        "factor": 1.0 / gain,
+        "percent": 100.0 * (gain - 1.0),
+        "odds": odds_of(p_value),
+    }
+    message, span = Message("file.rate", values, "fault"), whole_span(pairs)
+    return Suspicion(message, pairs.series.sensors, (span,), p_value, {"rate": gain})
+
+
 def of_exchange(found: Exchange, pairs: Pairs) -> Suspicion:
     """Sensors on each other's segments."""
     sensors = tuple(found.order)

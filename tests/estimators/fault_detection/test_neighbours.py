@@ -16,7 +16,7 @@ from handscope.estimators.hand.geometry import HandGeometry, sized
 from handscope.estimators.recording_checks.check import suspicions_of
 from handscope.estimators.simulation.scenario import Simulated, simulate
 from handscope.estimators.simulation.sensors import SensorErrors
-from handscope.validation.studies import crosschecks, false_alarms, silent_faults
+from handscope.validation.studies import crosschecks, false_alarms, injected_faults, silent_faults
 from tests.estimators.fault_detection.joint_recordings import (
     amplified,
     delayed,
@@ -44,6 +44,14 @@ def intact() -> list[Block]:
 
 def test_an_intact_recording_is_not_suspected() -> None:
     assert told(intact()) == []
+
+
+@pytest.mark.parametrize("percent", [11.0, -9.0])
+def test_a_rate_that_the_file_tells_wrong_is_told_by_the_joints(percent: float) -> None:
+    (found,) = told(injected_faults.change_clock_rate(intact(), percent))
+    assert (found.message.code, found.message.severity) == ("file.rate", "fault")
+    assert found.correction is not None
+    assert found.correction["rate"] == pytest.approx(1 + percent / 100, abs=0.01)
 
 
 @pytest.mark.slow
