@@ -19,7 +19,7 @@ GAINS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.1, 1.2, 1.3, 1.5, 1.8, 2.2)
 TOLERATED = 0.07  # of a gain: calibration, a joint that lies a little elsewhere
 MARGIN = 0.4  # of the mean log ratio of a joint, as for delays (delays.py)
 LEAST_SURE = 0.01  # probability from which on a gain is looked at no further
-COMMON = (0.8, 0.9, 1.1, 1.2)  # of all gyroscopes; those farther off gravity tells
+COMMON, FARTHER = (0.9, 1.1), (0.8, 1.2)  # of all gyroscopes; gravity tells those still farther off
 AGREEING = 2 / 3  # of the joints that tell a gain of all gyroscopes
 FEWEST = 4  # joints that tell it: one gyroscope alone has two
 EXPLAINED = 4.0  # times their noise that joints leave at the gain: of what leaves more, a gain is not the cause
@@ -56,15 +56,18 @@ def find_common(pairs: Pairs) -> tuple[float, float]:
     if len(pairs.joints) < FEWEST:
         return 1.0, 1.0
     before, use = _in_noise(pairs)
-    after = {1.0: before} | {g: _in_noise(pairs.with_common_gain(g))[0] for g in COMMON}
-    gains = sorted(after)
-    totals = [float(np.log1p(after[g])[use].sum()) for g in gains]
-    k = int(np.argmin(totals))
-    if gains[k] == 1.0:
+
+    def total(gain: float) -> float:
+        return float(np.log1p(_in_noise(pairs.with_common_gain(gain))[0])[use].sum())
+
+    totals = {1.0: float(np.log1p(before)[use].sum())} | {g: total(g) for g in COMMON}
+    if min(totals, key=totals.__getitem__) == 1.0:
         return 1.0, 1.0
-    best = gains[k]
+    gains, left_over = zip(*sorted((totals | {g: total(g) for g in FARTHER}).items()))
+    k = int(np.argmin(left_over))
+    best = float(gains[k])
     if 0 < k < len(gains) - 1:
-        best = vertex(np.array(gains[k - 1 : k + 2]), np.array(totals[k - 1 : k + 2]))
+        best = vertex(np.array(gains[k - 1 : k + 2]), np.array(left_over[k - 1 : k + 2]))
     if abs(best - 1.0) <= TOLERATED:
         return 1.0, 1.0
     left = _in_noise(pairs.with_common_gain(best))[0]
@@ -75,7 +78,8 @@ def find_common(pairs: Pairs) -> tuple[float, float]:
     if len(of_joint) < FEWEST or np.mean(of_joint > 0) < AGREEING:
         return 1.0, 1.0
     each = (weight * gained).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-12)
-    return best, min(1.0, len(COMMON) * paired_test.p_value(each, 0.0, weight.max(axis=0)))
+    tests = len(COMMON + FARTHER)
+    return best, min(1.0, tests * paired_test.p_value(each, 0.0, weight.max(axis=0)))
 
 
 def _in_noise(pairs: Pairs) -> tuple[Array, NDArray[np.bool_]]:
