@@ -80,6 +80,13 @@ class FilterParams(UpdateParams, SensorToSegmentParams, MagnetometerParams):
         "random walk of a gyroscope's bias",
         "ours: consumer MEMS, 10 deg/h; Kortier's Table 2.1 has 1e-4 rad/s",
     )
+    mounting_walk: float = option(
+        0.05,
+        "deg/sqrt(s)",
+        "random walk of a sensor's turn on its segment about the two axes that a hinge does not bend about",
+        "ours: docs/decisions/0030-a-mounting-that-walks.md",
+        least=0.0,
+    )
     bias_sd: float = option(
         0.01,
         "deg/s",
@@ -369,6 +376,7 @@ def _share_mounting(params: FilterParams, state: State) -> State:
         return replace(state, shared_mounting=hand_mounting.begin(state.t, state.q_SB, state.P))
     if state.t - shared.t < hand_mounting.EVERY - 1e-9:
         return state
+    shared = hand_mounting.aged(shared, state.t, np.radians(params.mounting_walk))
     found = hand_mounting.gained_since(
         shared, state.q_SB, state.P, state.known, np.radians(params.dimension_noise)
     )
@@ -552,6 +560,7 @@ def pack_params(params: FilterParams) -> KernelParams:
         "gyr_noise": np.radians(params.gyr_noise),
         "gyr_scale": params.gyr_scale,
         "bias_walk": np.radians(params.bias_walk),
+        "mounting_walk": np.radians(params.mounting_walk),
         "mag_noise": params.mag_noise,
         "mag_error": params.mag_error if params.magnetometers else 0.0,
         "mag_gate": params.mag_gate,

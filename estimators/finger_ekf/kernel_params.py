@@ -24,6 +24,7 @@ class KernelParams(NamedTuple):
     gyr_noise: float  # rad/s/sqrt(Hz)
     gyr_scale: float
     bias_walk: float  # rad/s/sqrt(s)
+    mounting_walk: float  # rad/sqrt(s)
     mag_noise: float  # uT
     mag_error: float  # uT, 0 where magnetometers are not used
     mag_gate: float  # uT

@@ -19,6 +19,8 @@ from handscope.estimators.numerics.kernels import right_jacobian_row
 from handscope.estimators.numerics.small_matrices import block, product, put, spread
 from handscope.estimators.numerics.typing import Array
 
+BENDING = 2  # axis of a segment's frame about which a hinge bends: of that its forbidden angles tell nothing
+
 
 @rowwise("(n,s,v),(n,s),(n,s),(s,v),(s,q),(s,v,v),(s),(s)->(n,s,q),(s,v,v),(s),(s)")
 def preintegrate(
@@ -120,6 +122,9 @@ def propagate_row(
             P_new[i, k] = P_new[k, i] = of_angles + of_noise[i, k]
     for k in range(ERROR.bias, ERROR.q_SB):
         P_new[k, k] += p.bias_walk**2 * span
+    for k in range(ERROR.q_SB, ERROR.soft_tissue):
+        if (k - ERROR.q_SB) % 3 != BENDING:
+            P_new[k, k] += p.mounting_walk**2 * span
     if p.mag_error > 0:
         left = field_correlation(p, T)
         for k in range(P.shape[0]):

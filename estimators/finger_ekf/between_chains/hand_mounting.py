@@ -25,6 +25,7 @@ HAND = slice(ERROR.q_SB, ERROR.q_SB + 3)  # error states of a finger's chain
 RECEIVERS = ((0, 0), (5, 1))
 EVERY = 5.0  # s
 LEAST = 1e-3  # of what a chain knows itself, below which a change is none
+WALKS = np.diag([1.0, 1.0, 0.0])  # axes about which a mounting walks: preintegration.py
 SINGULAR = 1e-12  # rad^2, added to variances that may be zero
 
 
@@ -42,6 +43,23 @@ def begin(t: float, q_SB: Array, P: Array) -> Shared:
     """What the fingers know now is known to every chain; q_SB (F, 4, 4), P (F, 43, 43)."""
     return Shared(
         t, *_known(q_SB, P), np.zeros((len(RECEIVERS), 3, 3)), np.zeros((len(RECEIVERS), 3))
+    )
+
+
+def aged(shared: Shared, t: float, mounting_walk: float) -> Shared:
+    """The same at t: what was known and what was received are worth less after a random walk of the mounting, rad/sqrt(s)."""
+    walked = mounting_walk**2 * (t - shared.t) * WALKS
+    # (information^-1 + walked)^-1 = kept information, also of a singular one; its mean stays
+    kept, left = (
+        np.linalg.inv(np.eye(3) + information @ walked)
+        for information in (shared.information, shared.reported)
+    )
+    return Shared(
+        t,
+        kept @ shared.information,
+        np.einsum("fij,fj->fi", kept, shared.information_vector),
+        left @ shared.reported,
+        np.einsum("kij,kj->ki", left, shared.reported_vector),
     )
 
 

@@ -167,7 +167,13 @@ def _finger_trials(
     q_GB = [quat.exp(tilt)]
     for j in range(3):
         q_GB.append(quat.multiply(q_GB[-1], q_joint[:, :, j]))
-    straight = quat.exp(params.misalignment * DEG * rng.normal(size=(trials, 4, 3)))
+    walked = np.zeros((len(t), trials, 4, 3))
+    (of_walk,) = rng.spawn(1)
+    steps = of_walk.normal(size=(len(t) - 1, trials, 4, 2))
+    walked[1:, ..., :2] = params.mounting_walk * DEG / np.sqrt(RATE) * steps.cumsum(axis=0)
+    straight = quat.multiply(
+        quat.exp(params.misalignment * DEG * rng.normal(size=(trials, 4, 3))), quat.exp(walked)
+    )
     k = (
         params.skin
         * DEG

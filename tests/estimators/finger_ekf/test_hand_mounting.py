@@ -61,6 +61,25 @@ def test_what_is_told_piece_by_piece_is_told_once() -> None:
     np.testing.assert_allclose(wrist.q_SB, expected.q_SB, atol=1e-4 * DEG)
 
 
+def test_fingers_of_which_only_the_mounting_has_walked_tell_nothing() -> None:
+    """Beside it a chain that has received something keeps of that what the walk leaves."""
+    walk, walked = 0.1 * DEG, (0.1 * DEG) ** 2 * 30.0 * np.diag([1.0, 1.0, 0.0])
+    q_SB, P = _chains(np.zeros((6, 3)), np.full(6, SEEN))
+    received, mean = np.diag([4.0, 2.0, 1.0]) / SEEN**2, DEG * np.array([1.0, 2.0, 3.0])
+    shared = hand_mounting.begin(0.0, q_SB, P)._replace(
+        reported=np.stack([received, np.zeros((3, 3))]),
+        reported_vector=np.stack([received @ mean, np.zeros(3)]),
+    )
+    shared = hand_mounting.aged(shared, 30.0, walk)
+    P[:, OF_THUMB, OF_THUMB] += walked
+    information, _ = hand_mounting.gained_since(shared, q_SB, P, KNOWN, AXIS)
+    np.testing.assert_allclose(information * SEEN**2, 0.0, atol=1e-7)
+    expected = np.linalg.inv(np.linalg.inv(received) + walked)
+    np.testing.assert_allclose(shared.reported[THUMB], expected)
+    np.testing.assert_allclose(shared.reported_vector[THUMB], expected @ mean)
+    assert not shared.reported[WRIST].any()
+
+
 def test_fingers_that_differ_tell_less() -> None:
     begun = hand_mounting.begin(0.0, *_chains(np.zeros((6, 3)), np.full(6, PRIOR)))
     alike, apart = (

@@ -48,10 +48,17 @@ def _preintegrated(turns: Array, bias: Array, times: Array) -> tuple[Array, Arra
 
 
 def _propagated(
-    delta_q: Array, J_bias: Array, rotation_variance: Array, q_pc: Array, P: Array
+    delta_q: Array,
+    J_bias: Array,
+    rotation_variance: Array,
+    q_pc: Array,
+    P: Array,
+    mounting_walk: float = 0.0,
 ) -> tuple[Array, Array]:
-    """Joints and covariance at the end of a window of 0.2 s, without any noise of the sensors."""
-    nothing = KernelParams(False, *np.zeros(7), False, *np.zeros(12))
+    """Joints and covariance at the end of a window of 0.2 s, without any noise of the sensors; `mounting_walk` rad/sqrt(s)."""
+    nothing = KernelParams(False, *np.zeros(7), False, *np.zeros(13))._replace(
+        mounting_walk=mounting_walk
+    )
     q_new, P_new = np.empty(q_pc.shape), np.empty(P.shape)
     interpreted(preintegration.propagate_row)(
         nothing, 0.2, delta_q.copy(), J_bias.copy(), rotation_variance, q_pc, P, q_new, P_new
@@ -98,6 +105,21 @@ def test_what_a_sensor_may_have_missed_enters_as_the_derivative_says(
 
     G = _derivative(ended, 3)
     np.testing.assert_allclose(P_new[:9, :9], G @ G.T, atol=1e-7)
+
+
+def test_a_mounting_walks_about_the_axes_that_a_hinge_does_not_bend_about(
+    rng: np.random.Generator,
+) -> None:
+    q_pc, turns, bias, times = _window(rng)
+    window = _preintegrated(turns, bias, times)
+    P = _random_covariance(rng, 43)
+    (_, still), (_, walked) = (
+        _propagated(*window, np.zeros(4), q_pc, P, mounting_walk) for mounting_walk in (0.0, 0.01)
+    )
+    added = np.diag(np.tile([0.01**2 * 0.2, 0.01**2 * 0.2, 0.0], 4))
+    np.testing.assert_allclose((walked - still)[21:33, 21:33], added, atol=1e-12)
+    assert not (walked - still)[:21].any()
+    assert not (walked - still)[33:].any()
 
 
 def _random_covariance(rng: np.random.Generator, size: int) -> Array:
