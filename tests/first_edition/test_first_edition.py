@@ -69,6 +69,7 @@ def test_a_recording_holds_the_same_samples_and_events(name: str) -> None:
                 "shared_bias=false",
                 "shared_mounting=false",
                 "joint_acceleration=false",
+                "mounting_walk=0",
             ),
         ),
     ],
@@ -76,7 +77,7 @@ def test_a_recording_holds_the_same_samples_and_events(name: str) -> None:
 def test_a_method_gives_the_derivative_that_was_kept(
     method: str, options: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With the options and sizes of then: fingers derived from the palm count as less sure since (0023), what ekf takes a pose to be missed by is another since (decision 0013), it infers the pose (0014), the thumb learns the hand's bias from the fingers (0015), and its heading from accelerations (0025)."""
+    """With the options and sizes of then: fingers derived from the palm count as less sure since (0023), what ekf takes a pose to be missed by is another since (decision 0013), it infers the pose (0014), the thumb learns the hand's bias from the fingers (0015), its heading from accelerations (0025), and mountings walk (0030)."""
     monkeypatch.setattr(length_covariance, "FROM_PALM_SD", 0.0)
     chosen = [word for option in ("gyr_reading=instant", *options) for word in ("--option", option)]
     run("process", FILES / "wiggle.zip", "--method", method, *chosen, "--out", tmp_path)
