@@ -139,7 +139,7 @@ def _order_tests(
         freedom = len(errors) + 1
         size = max(1.0, float(np.sqrt((errors @ errors + aside) / freedom)))
         p_value, fits = student_sf(np.array([off, whole - off]) / size, freedom)
-        sits = {chain[to]: chain[k] for k, to in enumerate(order) if k != to}
+        sits = {on: chain[order.index(k)] for k, on in enumerate(chain) if order[k] != k}
         yield float(p_value), float(fits), sits
 
 
