@@ -159,7 +159,7 @@ class Compared:
 
 
 def check_neighbours(views: Views, geometry: HandGeometry) -> list[Suspicion]:
-    """Check neighbouring sensors against each other: exchanged, late, slipped, or all with rates of another file; the declared hand itself is asked by `check_hand`.
+    """Check neighbouring sensors against each other: exchanged, late, slipped, or all read at another rate than the file tells; the declared hand itself is asked by `check_hand`.
 
     Returns
     -------

@@ -6,6 +6,7 @@ Source  ours: the acceleration of a common joint at the gain that leaves least; 
 Limits  gains between `GAINS`; a joint that rests, or turns little within a second, tells nothing. Gravity tells gains of slow movement: single_sensors/
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -84,16 +85,15 @@ def find_common(pairs: Pairs) -> tuple[float, float]:
 
 def _in_noise(pairs: Pairs) -> tuple[Array, NDArray[np.bool_]]:
     """What all joints (J, K) leave over, in times their noise, and where both sensors have samples and turn."""
-    fits = [pairs.joint(*j, j) for j in pairs.joints]
-    use = [pairs.use(*j) & pairs.turns(*j) for j in pairs.joints]
-    return np.array([f.rest / f.noise for f in fits]), np.array(use)
+    rest, noise, use = _left(pairs, pairs.joints)
+    return rest / noise, use
 
 
 def p_value_of(wrong: Pairs, right: Pairs, sensor: str, gain: float) -> float:
     """Probability that `find` would tell of a gain, by readings with it and without."""
     if not any(wrong.is_doubtful(*j) for j in wrong.joints if sensor in j):
         return 1.0
-    judged = _judged(sensor, gain, _left(wrong, sensor), _left(right, sensor))
+    judged = _judged(sensor, gain, *(_left(p, _around(p, sensor)) for p in (wrong, right)))
     return min(1.0, judged.p_value * _count(right))
 
 
@@ -104,25 +104,32 @@ def _count(pairs: Pairs) -> int:
 
 def _best(pairs: Pairs, sensor: str) -> Gain:
     """The gain of a sensor that explains its joints best, those tried and one between them."""
-    before = _left(pairs, sensor)
-    after = {g: _left(pairs.with_gain(sensor, g), sensor) for g in GAINS}
+    joints = _around(pairs, sensor)
+    before = _left(pairs, joints)
+    after = {g: _left(pairs.with_gain(sensor, g), joints) for g in GAINS}
     gains = sorted([*GAINS, 1.0])
     totals = [_total(before if g == 1.0 else after[g]) for g in gains]
     k = int(np.argmin(totals))
     if abs(gains[k] - 1.0) <= TOLERATED or k in (0, len(gains) - 1):
         return Gain(sensor, 1.0, 1.0, 0.0)
     gain = vertex(np.array(gains[k - 1 : k + 2]), np.array(totals[k - 1 : k + 2]))
-    between = _left(pairs.with_gain(sensor, gain), sensor)
+    between = _left(pairs.with_gain(sensor, gain), joints)
     if _total(between) > totals[k]:
         gain, between = gains[k], after[gains[k]]
     return _judged(sensor, gain, before, between)
 
 
-def _left(pairs: Pairs, sensor: str) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """What the joints (J, K) of a sensor leave over, the noise in it, and where both sensors have samples and turn."""
-    around = [j for j in pairs.joints if sensor in j]
-    fits = [pairs.joint(*j, j) for j in around]
-    use = [pairs.use(*j) & pairs.turns(*j) for j in around]
+def _around(pairs: Pairs, sensor: str) -> list[tuple[str, str]]:
+    """The joints of a sensor."""
+    return [j for j in pairs.joints if sensor in j]
+
+
+def _left(
+    pairs: Pairs, joints: Sequence[tuple[str, str]]
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """What joints (J, K) leave over, the noise in it, and where both sensors have samples and turn."""
+    fits = [pairs.joint(*j, j) for j in joints]
+    use = [pairs.use(*j) & pairs.turns(*j) for j in joints]
     return np.array([f.rest for f in fits]), np.array([f.noise for f in fits]), np.array(use)
 
 
