@@ -6,6 +6,7 @@ A page, a table or another language is a function of a Content; nothing downstre
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -22,7 +23,7 @@ from handscope.estimators.hand.anatomy import DOF_NAMES, FLEXION, JOINT, SEGMENT
 from handscope.estimators.measures import MEASURES
 from handscope.estimators.measures.assessment import TaskResult
 from handscope.estimators.measures.range_of_motion import Range
-from handscope.estimators.measures.resting_drift import Drift
+from handscope.estimators.measures.resting_drift import Drift, resting_drift
 from handscope.estimators.methods import ALL_METHODS
 from handscope.estimators.numerics.typing import Array
 from handscope.estimators.pipeline.process import Processed
@@ -294,7 +295,15 @@ def content(  # noqa: PLR0913
         tuple(_left_out(recording, protocols, corrections)),
         tuple(_scores(recording, protocols)),
         stored_form(processed),
+        drifts=drifts_of(processed),
     )
+
+
+def drifts_of(processed: Processed) -> tuple[Drift, ...]:
+    """What seems to drift at rest, from each calibration to the next."""
+    spans = pairwise([*(c.span[1] for c in processed.calibrations), np.inf])
+    found = (resting_drift(processed.trajectory.between(start, stop)) for start, stop in spans)
+    return tuple(drift for drift in found if drift is not None)
 
 
 def _moment(start_utc: str | None) -> datetime | None:

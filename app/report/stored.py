@@ -22,6 +22,7 @@ from handscope.estimators.measures import cycles, plot_data
 from handscope.estimators.measures.assessment import TaskResult
 from handscope.estimators.measures.figure import Figure
 from handscope.estimators.measures.range_of_motion import Range
+from handscope.estimators.measures.resting_drift import Drift
 from handscope.estimators.measures.tapping import Tapping
 from handscope.estimators.messages.sentence import Sentence, from_plain, to_plain
 
@@ -50,6 +51,7 @@ STORED_TYPES: Mapping[str, type] = {
             *(
                 TaskResult,
                 Figure,
+                Drift,
                 Range,
                 Tapping,
                 cycles.Cycles,

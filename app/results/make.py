@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import lru_cache
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from sqlalchemy.orm.exc import StaleDataError
 
 from handscope.app.options import with_options
 from handscope.app.protocols import offered
-from handscope.app.report.content import Content, Visit, content, joints_to_name
+from handscope.app.report.content import Content, Visit, content, drifts_of, joints_to_name
 from handscope.app.report.references import newest
 from handscope.app.report.sections import self_calibration
 from handscope.app.report.stored import pack, unpack
@@ -34,7 +33,6 @@ from handscope.estimators.measures.accuracy import accuracy_of
 from handscope.estimators.measures.assessment import TaskResult, assess
 from handscope.estimators.measures.excursions import repetitions
 from handscope.estimators.measures.plot_data import PlotData, thin_curves
-from handscope.estimators.measures.resting_drift import resting_drift
 from handscope.estimators.measures.tapping import Tapping
 from handscope.estimators.methods import ALL_METHODS
 from handscope.estimators.methods.map_gain import gaining_fingers
@@ -212,7 +210,7 @@ def page_content(
             "quality": {s: asdict(q) for s, q in c.quality.items()},
             "joints": joints_to_name(c),
         },
-        "drift": _drifts(processed),
+        "drift": [asdict(drift) for drift in drifts_of(processed)],
         "untested": dict(derivative.untested_table(processed.untested)),
         "tasks": [_task(t) for t in tasks],
         "events": [
@@ -244,13 +242,6 @@ def _fingers_to_gain(processed: Processed, recording: LoadedRecording) -> list[s
     if calibration.stretch is not None or calibration.from_prior == "seats and lengths":
         return []
     return list(gaining_fingers(recording, calibration, processed.trajectory))
-
-
-def _drifts(processed: Processed) -> list[dict[str, Any]]:
-    """What seems to drift at rest, from each calibration to the next."""
-    spans = pairwise([*(c.span[1] for c in processed.calibrations), np.inf])
-    found = (resting_drift(processed.trajectory.between(start, stop)) for start, stop in spans)
-    return [asdict(drift) for drift in found if drift is not None]
 
 
 def _repetitions(

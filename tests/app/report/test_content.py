@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from handscope.app.protocols import load_all
-from handscope.app.report.content import CURVE_POINTS
+from handscope.app.report.content import CURVE_POINTS, drifts_of
 from handscope.estimators.hand.anatomy import FLEXION, JOINT, SEGMENTS
 from handscope.estimators.methods import m2
 from tests.app.report.simulated_sessions import (
@@ -17,6 +17,7 @@ from tests.app.report.simulated_sessions import (
     report,
     session,
 )
+from tests.estimators.measures.trajectories import resting_now_and_then
 
 
 def test_a_session_is_gathered_whole() -> None:
@@ -38,6 +39,14 @@ def test_a_session_is_gathered_whole() -> None:
     assert c.calibrations[0].sensors == processed.calibrations[0].quality
     assert [t.result for t in c.tasks] == list(results)
     assert list(dict.fromkeys(t.result.task for t in c.tasks)) == [*ROM, "tapping"]
+
+
+def test_what_drifts_at_rest_between_two_calibrations_is_in_it() -> None:
+    _, processed, _ = session()
+    drifting = replace(processed, trajectory=resting_now_and_then(8, 1e-3))
+    (drift,) = drifts_of(drifting)
+    assert drift.finger == "index" and drift.after - drift.before > 5e-3
+    assert report().drifts == drifts_of(processed) == ()
 
 
 def test_only_options_that_differ_from_their_default_are_listed() -> None:
