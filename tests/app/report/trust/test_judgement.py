@@ -110,7 +110,7 @@ def test_a_session_of_tasks_that_were_not_done_has_no_figures_and_says_which_and
     assert assess_result(result, rest, processed) == []
     told = readings(page_content(processed, [], rest), [], load_all(), EN)
     assert told["not_done"] == [["Fist and stretch", "patient could not", "Pain"]]
-    assert told["trust"]["words"] == "No: nothing was measured."
+    assert told["trust"]["words"] == "No: there is no figure to rely on."
     file.original_name = "elsewhere.mcap"  # uploaded: all of it is measured
     assert assess_result(result, rest, processed)
 
