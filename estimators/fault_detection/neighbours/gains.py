@@ -6,7 +6,7 @@ Source  ours: the acceleration of a common joint at the gain that leaves least; 
 Limits  gains between `GAINS`; a joint that rests, or turns little within a second, tells nothing. Gravity tells gains of slow movement: single_sensors/
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,9 +20,10 @@ GAINS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.1, 1.2, 1.3, 1.5, 1.8, 2.2)
 TOLERATED = 0.07  # of a gain: calibration, a joint that lies a little elsewhere
 MARGIN = 0.4  # of the mean log ratio of a joint, as for delays (delays.py)
 LEAST_SURE = 0.01  # probability from which on a gain is looked at no further
-COMMON, FARTHER = (0.9, 1.1), (0.8, 1.2)  # of all gyroscopes; gravity tells those still farther off
-AGREEING = 2 / 3  # of the joints that tell a gain of all gyroscopes
+COMMON, FARTHER = (0.9, 1.1), (0.4, 0.5, 0.65, 0.8, 1.25, 1.5, 2.0, 2.5)  # of all gyroscopes
+CALIBRATED = 0.03  # so far off gyroscopes may be that were calibrated
 FEWEST = 4  # joints that tell it: one gyroscope alone has two
+JOINTS_OF_SENSOR = 2.0  # at least: what it errs by is in all of them
 EXPLAINED = 4.0  # times their noise that joints leave at the gain: of what leaves more, a gain is not the cause
 
 
@@ -52,41 +53,46 @@ def find(pairs: Pairs) -> Gain | None:
 def find_common(pairs: Pairs) -> tuple[float, float]:
     """The gain that all gyroscopes have in common, with the probability of such evidence without any: 1 where none explains the joints better.
 
-    The arm's acceleration is the same in both sensors of a joint, so that it looks like no gain, as it may to gravity.
+    The arm's acceleration is the same in both sensors of a joint, so that it looks like no gain, as it may to gravity. Every joint tells a gain; of a joint of which the movement tells nothing it may be any.
     """
     if len(pairs.joints) < FEWEST:
         return 1.0, 1.0
-    before, use = _in_noise(pairs)
-
-    def total(gain: float) -> float:
-        return float(np.log1p(_in_noise(pairs.with_common_gain(gain))[0])[use].sum())
-
-    totals = {1.0: float(np.log1p(before)[use].sum())} | {g: total(g) for g in COMMON}
-    if min(totals, key=totals.__getitem__) == 1.0:
+    turning = np.array([pairs.use(*j) & pairs.turns(*j) for j in pairs.joints])
+    if turning.any(axis=1).sum() < FEWEST:
         return 1.0, 1.0
-    gains, left_over = zip(*sorted((totals | {g: total(g) for g in FARTHER}).items()))
-    k = int(np.argmin(left_over))
-    best = float(gains[k])
-    if 0 < k < len(gains) - 1:
-        best = vertex(np.array(gains[k - 1 : k + 2]), np.array(left_over[k - 1 : k + 2]))
-    if abs(best - 1.0) <= TOLERATED:
+    near = {g: _of_joints(pairs, g, turning) for g in (1.0, *COMMON)}
+    if abs(np.median(_gain_of_each(near)) - 1.0) <= CALIBRATED:
         return 1.0, 1.0
-    left = _in_noise(pairs.with_common_gain(best))[0]
-    gained = np.log1p(before) - np.log1p(left)
-    # what noise may make tells less
-    weight = np.where(use, np.clip(np.maximum(before, left), 0.0, 1.0), 0.0)
-    of_joint = (weight * gained).sum(axis=1)[weight.any(axis=1)]
-    if len(of_joint) < FEWEST or np.mean(of_joint > 0) < AGREEING:
+    of_joint = _gain_of_each(near | {g: _of_joints(pairs, g, turning) for g in FARTHER})
+    gain = float(np.median(of_joint))
+    if abs(gain - 1.0) <= TOLERATED or gain in (min(FARTHER), max(FARTHER)):
         return 1.0, 1.0
-    each = (weight * gained).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-12)
-    tests = len(COMMON + FARTHER)
-    return best, min(1.0, tests * paired_test.p_value(each, 0.0, weight.max(axis=0)))
+    off = np.sign(gain - 1.0) * (of_joint - 1.0)
+    return gain, min(1.0, 2 * paired_test.trimmed_p_value(off, CALIBRATED, JOINTS_OF_SENSOR))
 
 
-def _in_noise(pairs: Pairs) -> tuple[Array, NDArray[np.bool_]]:
-    """What all joints (J, K) leave over, in times their noise, and where both sensors have samples and turn."""
-    rest, noise, use = _left(pairs, pairs.joints)
-    return rest / noise, use
+def _of_joints(pairs: Pairs, gain: float, turning: NDArray[np.bool_]) -> Array:
+    """What each joint that turns (J,) leaves over if all rates are divided by a gain: the sum over the windows in which it does (all joints, K) of log(1 + rest / noise).
+
+    Where the joint lies is not told: accelerations by rates that are too large would show it too near.
+    """
+    divided = pairs if gain == 1.0 else pairs.with_common_gain(gain)
+    fits = [divided.joint(*joint) for joint in pairs.joints]
+    left = [
+        np.log1p(f.rest / f.noise)[turns].sum() for f, turns in zip(fits, turning) if turns.any()
+    ]
+    return np.array(left)
+
+
+def _gain_of_each(totals: Mapping[float, Array]) -> Array:
+    """The gain that explains each joint best."""
+    gains = np.array(sorted(totals))
+    return np.array([_lowest(gains, each) for each in np.array([totals[g] for g in gains]).T])
+
+
+def _lowest(gains: Array, left: Array) -> float:
+    k = int(np.clip(np.argmin(left), 1, len(gains) - 2))
+    return vertex(gains[k - 1 : k + 2], left[k - 1 : k + 2])
 
 
 def p_value_of(wrong: Pairs, right: Pairs, sensor: str, gain: float) -> float:

@@ -15,6 +15,7 @@ from handscope.estimators.numerics.typing import Array
 FEWEST = 6
 LAGS = 2  # windows
 MOST = 15.0  # largest weight of a window
+TRIMMED = 0.2  # of the values at either end
 
 
 def log_rest(rest: Array, noise: Array) -> Array:
@@ -41,3 +42,17 @@ def p_value(gain: Array, margin: float, weight: Array | None = None) -> float:
         variance += 2 * (1 - lag / (LAGS + 1)) * float(off[lag:] @ off[:-lag])
     error = np.sqrt(max(variance, alone / 2, 1e-12) * n / (n - 1))
     return float(student_sf((mean - margin) / error, n - 1))
+
+
+def trimmed_p_value(values: Array, margin: float, shared: float = 1.0) -> float:
+    """Probability of so large a trimmed mean of values (n,) if their expectation were at most `margin`, where each is shared by so many of them.
+
+    Source: Tukey & McLaughlin 1963, Sankhya A 25:331: what fifths at either end are does not count, so that a few values may be anything.
+    """
+    n = len(values)
+    cut = int(TRIMMED * n)
+    ordered = np.sort(values)
+    winsorized = np.clip(ordered, ordered[cut], ordered[n - 1 - cut])
+    kept = ordered[cut : n - cut]
+    error = max(float(winsorized.std(ddof=1)) * np.sqrt(shared * n) / len(kept), 1e-12)
+    return float(student_sf((float(kept.mean()) - margin) / error, len(kept) - 1))

@@ -54,6 +54,15 @@ def test_a_rate_that_the_file_tells_wrong_is_told_by_the_joints(percent: float) 
     assert found.correction["rate"] == pytest.approx(1 + percent / 100, abs=0.01)
 
 
+def test_a_wrong_rate_is_told_where_few_windows_tell_it_but_nearly_every_joint_does() -> None:
+    made, _ = silent_faults.recorded("fast fist", 9002)
+    spoilt, _ = silent_faults.FAULTS["rate 100 told as 90"]
+    (found,) = suspicions_of(spoilt(made, silent_faults.Choice("index", 1, 0, 12.0)).declared())
+    assert (found.message.code, found.message.severity) == ("file.rate", "fault")
+    assert found.correction is not None
+    assert found.correction["rate"] == pytest.approx(1 / 0.9, abs=0.02)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "pair",
