@@ -21,6 +21,7 @@ TOLERATED = 0.07  # of a gain: calibration, a joint that lies a little elsewhere
 MARGIN = 0.4  # of the mean log ratio of a joint, as for delays (delays.py)
 LEAST_SURE = 0.01  # probability from which on a gain is looked at no further
 COMMON, FARTHER = (0.9, 1.1), (0.4, 0.5, 0.65, 0.8, 1.25, 1.5, 2.0, 2.5)  # of all gyroscopes
+FINE = np.array([0.95, 1.0, 1.05])  # times the gain that was found
 CALIBRATED = 0.03  # so far off gyroscopes may be that were calibrated
 FEWEST = 4  # joints that tell it: one gyroscope alone has two
 JOINTS_OF_SENSOR = 2.0  # at least: what it errs by is in all of them
@@ -60,28 +61,28 @@ def find_common(pairs: Pairs) -> tuple[float, float]:
     turning = np.array([pairs.use(*j) & pairs.turns(*j) for j in pairs.joints])
     if turning.any(axis=1).sum() < FEWEST:
         return 1.0, 1.0
-    near = {g: _of_joints(pairs, g, turning) for g in (1.0, *COMMON)}
+    noise = np.array([pairs.joint(*j).noise for j in pairs.joints])
+
+    def left_at(gain: float) -> Array:
+        """What each joint that turns (J,) leaves over at a gain: the sum over windows of log(1 + rest / noise).
+
+        Noise is that of the rates as they are: more skin movement is expected of larger rates, which says nothing for them. Where the joint lies is not told: rates that are too large would show it too near.
+        """
+        divided = pairs if gain == 1.0 else pairs.with_common_gain(gain)
+        rest = np.array([divided.joint(*j).rest for j in pairs.joints])
+        total = np.where(turning, np.log1p(rest / noise), 0.0).sum(axis=1)
+        return np.asarray(total[turning.any(axis=1)])
+
+    near = {g: left_at(g) for g in (1.0, *COMMON)}
     if abs(np.median(_gain_of_each(near)) - 1.0) <= CALIBRATED:
         return 1.0, 1.0
-    of_joint = _gain_of_each(near | {g: _of_joints(pairs, g, turning) for g in FARTHER})
+    of_joint = _gain_of_each(near | {g: left_at(g) for g in FARTHER})
     gain = float(np.median(of_joint))
     if abs(gain - 1.0) <= TOLERATED or gain in (min(FARTHER), max(FARTHER)):
         return 1.0, 1.0
     off = np.sign(gain - 1.0) * (of_joint - 1.0)
+    gain = float(np.median(_gain_of_each({g: left_at(g) for g in gain * FINE})))
     return gain, min(1.0, 2 * paired_test.trimmed_p_value(off, CALIBRATED, JOINTS_OF_SENSOR))
-
-
-def _of_joints(pairs: Pairs, gain: float, turning: NDArray[np.bool_]) -> Array:
-    """What each joint that turns (J,) leaves over if all rates are divided by a gain: the sum over the windows in which it does (all joints, K) of log(1 + rest / noise).
-
-    Where the joint lies is not told: accelerations by rates that are too large would show it too near.
-    """
-    divided = pairs if gain == 1.0 else pairs.with_common_gain(gain)
-    fits = [divided.joint(*joint) for joint in pairs.joints]
-    left = [
-        np.log1p(f.rest / f.noise)[turns].sum() for f, turns in zip(fits, turning) if turns.any()
-    ]
-    return np.array(left)
 
 
 def _gain_of_each(totals: Mapping[float, Array]) -> Array:
