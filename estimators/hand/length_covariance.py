@@ -11,7 +11,8 @@ Source  a finger whose total was measured leaves its bones only their shares: on
         of a hand of given length, 85 +- 3.8 mm: ANSUR (Gordon et al. 1989), men and women together;
         adults' fingers (index to little) scatter by 6.4 to 8.1 %: Chatzioglou et al. 2024, Anat Cell
         Biol 57:172, 51 people; calipers on hands: technical error of measurement about 1 % of a length
-        (doi:10.1177/10519815261458341)
+        (doi:10.1177/10519815261458341); palms that are not flat, and where the thumb begins: a hand of
+        bones, MyoHand (Caggiano et al. 2022, arXiv:2205.13600), as likely as any between it and a flat palm
 Limits  bones measured one by one err each for itself, by `length_sd`, and so does a place of a
         joint that was given; that a hand of which nothing was measured is larger or smaller than
         the average one (by 6 %) shifts all tips equally and is not counted
@@ -32,7 +33,15 @@ BREADTH_SD = 0.045  # of itself, where it was not measured
 # of itself, a finger's total that is derived from the palm alone, or from nothing: as fingers scatter
 # if they correlate with the palm by 0.5 to 0.6; that correlation is ours
 FROM_PALM_SD = 0.06
-THUMB_ANGLE_SD = np.radians(3.0)  # of the angle between wrist-MCP 3 and wrist-CMC; size ours
+# of the palm's length, dorsal, distal, ulnar: how far roots lie from where ratios put them in a flat
+# palm, a uniform distribution up to where MyoHand has them
+PLACE_SD: Mapping[str, tuple[float, float, float]] = {
+    "thumb": (0.100, 0.095, 0.047),
+    "index": (0.005, 0.008, 0.024),
+    "middle": (0.0, 0.0, 0.0),
+    "ring": (0.039, 0.028, 0.018),
+    "little": (0.093, 0.011, 0.069),
+}
 
 
 def covariance(
@@ -58,7 +67,7 @@ def _of_finger(geometry: HandGeometry, finger: str, length_sd: float) -> Array:
 
 def _root(geometry: HandGeometry, finger: str, length_sd: float) -> Array:
     """How its place errs (3, causes): with its distance from the wrist, with the hand's breadth,
-    about the hand's normal."""
+    and as palms are not flat."""
     joint = root_joint(finger)
     x, y, z = geometry.joint_positions[joint]
     distance = float(np.hypot(y, z))
@@ -69,14 +78,9 @@ def _root(geometry: HandGeometry, finger: str, length_sd: float) -> Array:
     )
     if joint in geometry.measured:
         return along * np.array([[x, y, z]]).T
-    turned, broad = (
-        (THUMB_ANGLE_SD, 0.0)
-        if finger == "thumb"
-        else (0.0, 0.0 if "hand_breadth" in geometry.measured else BREADTH_SD)
-    )
-    return np.array(
-        [[along * x, along * y, along * z], [0.0, 0.0, broad * z], [0.0, -turned * z, turned * y]]
-    ).T
+    broad = 0.0 if finger == "thumb" or "hand_breadth" in geometry.measured else BREADTH_SD
+    own = np.diag(PLACE_SD[finger]) * geometry.lengths["hand"]
+    return np.column_stack([[along * x, along * y, along * z], [0.0, 0.0, broad * z], own])
 
 
 def _bones(geometry: HandGeometry, finger: str, length_sd: float) -> Array:
