@@ -21,6 +21,7 @@ BESIDE = 0.15  # s, before a turn and after it, that are looked at with it
 TAKEN = 0.2  # s, that a turn takes, about: twice or half as long ones are found, too
 STEP = 8  # samples from one instant that is asked to the next
 RATE_NOISE = 0.1  # rad/s, that neighbours' rates are not proportional to each other; ours
+SHARED_SD = 3.0  # times a neighbour's rate that a sensor's may be, so that what both have goes to the neighbour; ours
 LEAST = np.radians(4.0)  # turns that are looked for
 FEWEST = 4.0  # standard deviations that they have to be larger than none
 
@@ -48,7 +49,8 @@ def find(pairs: Pairs, sensor: str) -> list[IsolatedTurn]:
     )
     course = np.broadcast_to(rest @ turn_rate(at, BESIDE, TAKEN), own.shape)
     by = np.stack([course, *others], axis=-1)
-    normal = np.swapaxes(by, -1, -2) @ by + RATE_NOISE**2 * np.eye(by.shape[-1])
+    prior = np.diag([1.0, *[SHARED_SD**-2] * len(others)])
+    normal = np.swapaxes(by, -1, -2) @ by + RATE_NOISE**2 * prior
     right = (own[..., None, :] @ by)[..., 0, :]
     inverse = np.linalg.inv(normal)
     share = (inverse @ right[..., None])[..., 0]
@@ -88,7 +90,8 @@ def share_seen(
     others = [rate_about(pairs, n, axis)[rows] for n in neighbours_of(pairs, sensor)]
     course = size * turn_rate(at, begin, length)
     by = np.stack([course, *_evenly(at).T, *others], axis=1)
-    normal = by.T @ by + RATE_NOISE**2 * np.eye(by.shape[1])
+    prior = np.diag([1.0, 1.0, 1.0, 1.0, *[SHARED_SD**-2] * len(others)])
+    normal = by.T @ by + RATE_NOISE**2 * prior
     own = rate_about(pairs, sensor, axis)[rows]
     share = np.linalg.solve(normal, by.T @ own)
     left = float(((own - by @ share) ** 2).mean()) + RATE_NOISE**2
