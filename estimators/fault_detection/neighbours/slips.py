@@ -54,12 +54,16 @@ SKIN_SHIFT = (
     1.5e-3  # m, each axis, by which skin may move a joint's place between a window and others; ours
 )
 DEPENDENT = 6.0  # of what a window leaves, components by instants, one in so many counts: neighbouring samples and axes err together; ours
-UNEXPLAINED = 6.0  # times what the other joints let expect: a window that leaves more is none that a turn explains
+UNEXPLAINED, HARDLY = (
+    6.0,
+    0.1,
+)  # times what the other joints let expect, and what is left without a turn: a window that leaves more than both is none that a turn explains; ours
 CONVINCING = 6.0  # log likelihood ratio of a turn to none, which 1 in 20 of 188 intact recordings of two simulators reached somewhere ...
+PROMISING = 9.0  # the same of the best turn that there could be, if it leaves what is usual, from which on one is looked for
 COINCIDENT = 0.05  # ... and of 20 such windows none in which rates showed the turn as well
 OFF = 0.5  # by which the share of a turn that the sensor's gyroscope sees beyond its neighbours' may differ from one; ours
 TAKEN = 0.2  # s of a turn of which a recording is asked whether it would show
-SAMPLED = 6  # windows of it, evenly, that are asked
+SAMPLED = 4  # windows of it, evenly, that are asked
 
 
 @dataclass(frozen=True)
@@ -217,27 +221,23 @@ def _ratios(pairs: Pairs, others: Others, sensor: str) -> list[Array]:
 
 
 def share_shown(pairs: Pairs, others: Others, sensor: str, turn: Array) -> float:
-    """In what share of a recording's windows a turn (3,) rad of a sensor, in its frame and to either side within `TAKEN` s, would be told if its gyroscope saw it."""
+    """In what share of a recording's windows a turn (3,) rad of a sensor, in its frame and to one side or the other within `TAKEN` s, would be told if its gyroscope saw it."""
     if len(_joints_of(pairs, sensor)) < 2:  # one joint that lies near hardly ever tells it
         return 0.0
-    usual = [float(np.median(r)) for r in _ratios(pairs, others, sensor)]
     last = len(pairs.series.chosen) - 1
     asked = np.unique(np.linspace(0, last, SAMPLED).round().astype(int))
-    found = [_shows(pairs, others, sensor, int(k), turn, usual) for k in asked]
-    return float(np.mean(found))
+    turns = np.resize([1.0, -1.0], len(asked))[:, None] * turn
+    return float(np.mean([_shows(pairs, others, sensor, int(k), t) for k, t in zip(asked, turns)]))
 
 
-def _shows(
-    pairs: Pairs, others: Others, sensor: str, k: int, turn: Array, usual: Sequence[float]
-) -> float:
-    """Share of the two turns in the middle of window k that would be told: readings of a sensor that did not turn speak as much against them as those of one that did would for them."""
+def _shows(pairs: Pairs, others: Others, sensor: str, k: int, turn: Array) -> bool:
+    """Whether a turn in the middle of window k would be told: readings of a sensor that did not turn speak as much against it as those of one that did would for it."""
     window = _Window.of(pairs, others, sensor, k)
     if window is None:
-        return 0.0
+        return False
     begin = np.full(1, 0.5 * (joint_windows.LENGTH - TAKEN))
     course = _Course.of(window.there, begin, np.full(1, TAKEN))
-    evidence = np.array([window.evidence(by, course) for by in (turn, -turn)])
-    return float(np.mean(-evidence > CONVINCING))
+    return -window.evidence(turn, course) > CONVINCING
 
 
 @dataclass(frozen=True)
@@ -254,10 +254,10 @@ class _Place:
     def combined(self, other: "_Place") -> tuple["_Place", float]:
         """What both tell of one place, and the normalised square of their difference."""
         gain = np.linalg.solve(self.covariance + other.covariance, self.covariance).T
-        apart = other.mean - self.mean
-        squared = apart @ np.linalg.solve(self.covariance + other.covariance, apart)
+        mismatch = other.mean - self.mean
+        squared = mismatch @ np.linalg.solve(self.covariance + other.covariance, mismatch)
         covariance = self.covariance - gain @ self.covariance
-        return _Place(self.mean + gain @ apart, covariance), float(squared)
+        return _Place(self.mean + gain @ mismatch, covariance), float(squared)
 
 
 @dataclass(frozen=True)
@@ -304,19 +304,22 @@ class _Window:
 
     def evidence(self, turn: Array, course: "_Course") -> float:
         """Log likelihood ratio of a turn (3,) rad that goes on so against none, wherever the joints lie and however large noise is in this window."""
-        still, apart = self._misfit(np.zeros(3), course)
+        still, mismatch = self._misfit(np.zeros(3), course)
         turned, then = self._misfit(turn, course)
-        return self.log_ratio(still, turned) + 0.5 * (apart - then)
+        return self.log_ratio(still, turned) + 0.5 * (mismatch - then)
 
     def explains(self, turn: Array, course: "_Course") -> bool:
-        """Whether a turn leaves no more than the recording's other joints let expect, about."""
-        left = float((self.weight * self._misfit(turn, course)[0]).mean())
-        return left * self.noise < UNEXPLAINED * self.expected
+        """Whether a turn leaves no more than the recording's other joints let expect, about, or hardly anything of what is left without it."""
+        still, turned = (
+            self.noise * float((self.weight * self._misfit(t, course)[0]).mean())
+            for t in (np.zeros(3), turn)
+        )
+        return turned < max(UNEXPLAINED * self.expected, HARDLY * still)
 
     def most_evidence(self) -> float:
         """Of any turn: one that leaves what is expected, and brings all places together."""
-        still, apart = self._misfit(np.zeros(3), _Course.of(self.there, np.zeros(1), np.ones(1)))
-        return self.log_ratio(still, np.ones(len(still))) + 0.5 * apart
+        still, mismatch = self._misfit(np.zeros(3), _Course.of(self.there, np.zeros(1), np.ones(1)))
+        return self.log_ratio(still, np.ones(len(still))) + 0.5 * mismatch
 
     def log_ratio(self, still: Array, turned: Array) -> float:
         """Of likelihoods, by mean squares (m,) that are left with a turn and without one in units of what is usual; the window's own noise is as probable to be any multiple of that as half of them tell it."""
@@ -329,10 +332,10 @@ class _Window:
         """Mean squares (m,) that a turn leaves in units of what is usual, and how far places lie from each other and from where the window has them, normalised and squared."""
         R, squares, far = quat.matrix(quat.exp(turn)), np.zeros(len(self.weight)), 0.0
         for end, (before, after) in zip(self.ends, self.places):
-            place, apart = before.combined(after.rotated(R))
+            place, mismatch = before.combined(after.rotated(R))
             left, off = end.fitted(turn, course, place, self.noise)
             squares += (left**2).mean(axis=1) / self.noise / len(self.ends)
-            far += apart + off
+            far += mismatch + off
         return squares, far
 
 
@@ -374,7 +377,7 @@ def _side_steps(sums: Array) -> tuple[Array, Array]:
 def _turning(asked: _Asked, others: Others) -> Slip | None:
     """The sensor's turn in a window that explains best what its joints leave; None where that is not convincing, or its rates do not show it."""
     window = _Window.of(asked.pairs, others, asked.sensor, asked.window)
-    if window is None or window.most_evidence() < CONVINCING:
+    if window is None or window.most_evidence() < PROMISING:
         return None  # whatever the turn
     fits = (False, True) if asked.seen is not None else (False,)
     found = [_slip(asked, window, is_free) for is_free in fits]
@@ -465,11 +468,13 @@ class _End:
         """What is left (C, m, 3) m/s^2 of the joint's acceleration if the sensor turned so (C, 3) on its segment and the joint lies `off` (C, 3) m from where it is known to, the rotation between the sensors being free."""
         by = turn[:, None]
         so_far, place = course.share[..., None] * by, (self.place + off)[:, None]
-        place = place - np.cross(so_far, place - 0.5 * np.cross(so_far, place))
+        place = place - quat.cross(so_far, place - 0.5 * quat.cross(so_far, place))
         own = course.rate[..., None] * by  # rad/s, of the sensor against its segment
-        change = course.change[..., None] * by + np.cross(self.rate, own)
-        of_segment = np.cross(own, np.cross(own - self.rate, place))
-        too_much = np.cross(change, place) + np.cross(self.rate, np.cross(own, place)) - of_segment
+        change = course.change[..., None] * by + quat.cross(self.rate, own)
+        of_segment = quat.cross(own, quat.cross(own - self.rate, place))
+        too_much = (
+            quat.cross(change, place) + quat.cross(self.rate, quat.cross(own, place)) - of_segment
+        )
         seen = self.force + np.einsum("mij,cmj->cmi", self.arm, place)
         seen = seen - np.einsum("mij,cmj->cmi", self.turned, too_much)
         R = common_joint.aligned(self.by_neighbour.T @ seen)
@@ -480,7 +485,7 @@ class _End:
     ) -> tuple[Array, float]:
         """What is left (m, 3) m/s^2 of a turn (3,) at the place that explains the window best, near one that is known; how far it lies from that, normalised and squared."""
         information, off = np.linalg.inv(place.covariance), place.mean - self.place
-        for _ in range(STEPS):
+        for _ in range(STEPS - 1):
             near = off + MOVED * np.eye(4, 3, -1)
             left = self.left(np.tile(turn, (4, 1)), course, near).reshape(4, -1)
             by = (left[1:] - left[0]) / MOVED
