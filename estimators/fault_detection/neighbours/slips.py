@@ -3,14 +3,14 @@
 In      pairs of sensors (sensor_pairs.py)
 Out     which sensor, by what turn, from when on
 Source  ours: a test for a break (Chow 1960, Econometrica 28:591) at several instants; a rigid turn moves all joints of a sensor together, skin slides them along the segment.
-        A sensor that turns about itself accelerates nothing, whereas a segment that turned as its gyroscope says would accelerate its joints. Where they lie is told by
-        the windows before and by those after: a turn moves them in the sensor's frame, and what all windows together tell would fit neither
+        A sensor that turns about itself accelerates nothing, whereas a segment that turned as its gyroscope says would accelerate its joints: likelihood ratio with places that are free in
+        the window, near where the windows before and after it tell them, which a turn moves in the sensor's frame, and with noise of unknown size (Student's t)
 Limits  a turn about the line from the sensor to its only joint is not seen; gentle movement does not tell places well enough. A turn that the gyroscope sees is found if it takes half a
-        second or less and the hand moves gently meanwhile; at the last sensor of a finger only if the movement tells well where its joint lies
+        second or less; where all joints move briskly, each for itself, in half of the cases; at the last sensor of a finger only if the movement tells where its joint lies
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from handscope.estimators.fault_detection.neighbours import common_joint, joint_windows
 from handscope.estimators.fault_detection.neighbours.common_joint import Joint
 from handscope.estimators.fault_detection.neighbours.other_joints import Others
+from handscope.estimators.fault_detection.neighbours.rates import isolated_turns
+from handscope.estimators.fault_detection.neighbours.rates.isolated_turns import IsolatedTurn
 from handscope.estimators.fault_detection.neighbours.sensor_pairs import NEAR, Pairs
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.tail_probabilities import chi2_sf, f_sf
@@ -36,22 +38,32 @@ LEAST_PIECE = 6  # samples of a window, before and after
 LEAST = np.radians(6.0)  # smaller turns are those of skin and of mounting
 ODD = 1.2  # times what the recording's other joints let expect, and what its other windows leave, from which on a window may be asked whether the sensor turned in it
 LENGTHS = (0.08, 0.15, 0.35)  # s, that a turn takes, about
-FINER = (0.8, 0.9, 1.0, 1.1, 1.25)  # of such a length, twice
+FINER = (0.8, 1.0, 1.25)  # of such a length, twice
 INSTANT = joint_windows.AVERAGED / joint_windows.RATE  # s
 LEAST_INSTANTS = 12  # of a window that has gaps, in one piece
-OF_SENSOR, ASKED = 2, 12  # windows of a sensor, and in all, that are asked: the oddest
-STEPS, REFINED = 3, 2  # of the search for a turn, and of its course
-SHIFTS = INSTANT / 4 * np.arange(-3, 4)  # s, of its begin
-DIFFERENCE = 1e-3  # rad, for derivatives
-SURE = 2e-7  # p-value of a turn that a gyroscope saw: flicks of fingers and keystrokes leave no white noise; of 258 intact recordings of two simulators the smallest of turns of LEAST to MOST was 1.8e-5
-SEEN = (
-    0.5  # share of a turn that its gyroscope has to see: the segment may turn to and fro meanwhile
+OF_SENSOR, ASKED = 2, 4  # windows of a sensor, and in all, that are asked: the oddest
+ISOLATED = (
+    10  # windows that are asked in which rates show a turn that neighbours' do not: the oddest
 )
+STEPS, REFINED = 3, 2  # of the search for a turn, and of its course
+SHIFTS = INSTANT / 4 * np.arange(-2, 3)  # s, of its begin
+DIFFERENCE = 1e-3  # rad, for derivatives
+MOVED = 1e-4  # m, for derivatives
+AROUND = 0.1  # s, by which the middle of a turn may be off the one that rates show
+SKIN_SHIFT = (
+    1.5e-3  # m, each axis, by which skin may move a joint's place between a window and others; ours
+)
+DEPENDENT = 6.0  # of what a window leaves, components by instants, one in so many counts: neighbouring samples and axes err together; ours
+UNEXPLAINED, HARDLY = (
+    6.0,
+    0.1,
+)  # times what the other joints let expect, and what is left without a turn: a window that leaves more than both is none that a turn explains; ours
+CONVINCING = 6.0  # log likelihood ratio of a turn to none, which 1 in 20 of 188 intact recordings of two simulators reached somewhere ...
+PROMISING = 9.0  # the same of the best turn that there could be, if it leaves what is usual, from which on one is looked for
+COINCIDENT = 0.05  # ... and of 20 such windows none in which rates showed the turn as well
+OFF = 0.5  # by which the share of a turn that the sensor's gyroscope sees beyond its neighbours' may differ from one; ours
 TAKEN = 0.2  # s of a turn of which a recording is asked whether it would show
-SAMPLED = 6  # windows of it, evenly, that are asked
-# times its noise that is left where a turn has spoilt what is known of a joint's place and of biases; size ours, of turns put into recordings
-SPOILT = 4.0
-OF_COURSE = 5  # numbers that tell a turn's course: its vector, begin and length
+SAMPLED = 4  # windows of it, evenly, that are asked
 
 
 @dataclass(frozen=True)
@@ -151,30 +163,50 @@ def _jump(pairs: Pairs, joint: tuple[str, str], found: Joint, k: int) -> tuple[A
 
 
 def find_turning(pairs: Pairs, others: Others) -> Slip | None:
-    """A turn within half a second that the sensor's own gyroscope saw: in one window its joints leave what a segment's turn would accelerate."""
-    odd = [
-        (ratio, k, each, sensor)
-        for each in (pairs, pairs.later)
-        for sensor in each.series.sensors
-        if _joints_of(each, sensor)
-        for ratio, k in _oddest(each, others, sensor)
-        if ratio > ODD
+    """A turn within half a second that the sensor's own gyroscope saw, and its neighbours' did not: in one window its joints leave what a segment's turn would accelerate."""
+    asked = [
+        each
+        for view in (pairs, pairs.later)
+        for sensor in view.series.sensors
+        if _joints_of(view, sensor)
+        for each in _suspected(view, others, sensor)
     ]
-    oddest = sorted(odd, key=lambda o: -o[0])[:ASKED]
-    found = [_turning(each, others, sensor, k) for _, k, each, sensor in oddest]
+    isolated = [a for a in asked if a.seen is not None]
+    odd = [a for a in asked if a.seen is None and a.ratio > ODD]
+    found = [
+        _turning(a, others)
+        for some, most in ((isolated, ISOLATED), (odd, ASKED))
+        for a in sorted(some, key=lambda a: -a.ratio)[:most]
+    ]
     sure = [slip for slip in found if slip is not None and LEAST < slip.size < MOST]
     return min(sure, key=lambda slip: slip.p_value, default=None)
 
 
-def _joints_of(pairs: Pairs, sensor: str) -> list[tuple[str, str]]:
-    return [j for j in pairs.joints if sensor in j]
+@dataclass(frozen=True)
+class _Asked:
+    """A window that is asked whether a sensor turned in it."""
+
+    pairs: Pairs
+    sensor: str
+    window: int
+    ratio: float  # of what its joints leave to what other joints, and they in other windows, let expect
+    seen: IsolatedTurn | None = None  # by its rates
 
 
-def _oddest(pairs: Pairs, others: Others, sensor: str) -> list[tuple[float, int]]:
-    """How many times what other joints, and the sensor's own in other windows, let expect all its joints leave in the windows that leave most, and which those are."""
+def _suspected(pairs: Pairs, others: Others, sensor: str) -> list[_Asked]:
+    """Where a sensor's rates show a turn that its neighbours' do not, and where all its joints leave most while it turns."""
     ratios = _ratios(pairs, others, sensor)
     least = np.min([r / max(1.0, float(np.median(r))) for r in ratios], axis=0)
-    return [(float(least[k]), int(k)) for k in np.argsort(-least)[:OF_SENSOR]]
+    turns = isolated_turns.find(pairs, sensor)
+    found = [_Asked(pairs, sensor, t.window, float(least[t.window]), t) for t in turns]
+    fastest = pairs.speed(sensor).max(axis=1)
+    odd = np.where(fastest > OFF * LEAST / max(LENGTHS), least, 0.0)
+    most = np.argsort(-odd)[:OF_SENSOR]
+    return found + [_Asked(pairs, sensor, int(k), float(odd[k])) for k in most]
+
+
+def _joints_of(pairs: Pairs, sensor: str) -> list[tuple[str, str]]:
+    return [j for j in pairs.joints if sensor in j]
 
 
 def _ratios(pairs: Pairs, others: Others, sensor: str) -> list[Array]:
@@ -189,49 +221,55 @@ def _ratios(pairs: Pairs, others: Others, sensor: str) -> list[Array]:
 
 
 def share_shown(pairs: Pairs, others: Others, sensor: str, turn: Array) -> float:
-    """In what share of a recording's windows a turn (3,) rad of a sensor, in its frame and to either side within `TAKEN` s, would be told if its gyroscope saw it."""
+    """In what share of a recording's windows a turn (3,) rad of a sensor, in its frame and to one side or the other within `TAKEN` s, would be told if its gyroscope saw it."""
     if len(_joints_of(pairs, sensor)) < 2:  # one joint that lies near hardly ever tells it
         return 0.0
-    usual = [float(np.median(r)) for r in _ratios(pairs, others, sensor)]
     last = len(pairs.series.chosen) - 1
     asked = np.unique(np.linspace(0, last, SAMPLED).round().astype(int))
-    found = [_shows(pairs, others, sensor, int(k), turn, usual) for k in asked]
-    return float(np.mean(found))
+    turns = np.resize([1.0, -1.0], len(asked))[:, None] * turn
+    return float(np.mean([_shows(pairs, others, sensor, int(k), t) for k, t in zip(asked, turns)]))
 
 
-def _shows(
-    pairs: Pairs, others: Others, sensor: str, k: int, turn: Array, usual: Sequence[float]
-) -> float:
-    """Share of the two turns in the middle of window k that would be told; its joints leave `usual` times what is expected in other windows."""
+def _shows(pairs: Pairs, others: Others, sensor: str, k: int, turn: Array) -> bool:
+    """Whether a turn in the middle of window k would be told: readings of a sensor that did not turn speak as much against it as those of one that did would for it."""
     window = _Window.of(pairs, others, sensor, k)
     if window is None:
-        return 0.0
-    begin = np.full(2, 0.5 * (joint_windows.LENGTH - TAKEN))
-    course = _Course.of(window.there, begin, np.full(2, TAKEN))
-    ends = window.anywhen
-    # readings of a sensor that did not turn, taken for those of one that did, leave what a turn leaves that is not known
-    spoilt = np.mean([e.left(np.stack([turn, -turn]), course) ** 2 for e in ends], axis=3)
-    odd = [
-        s.mean(axis=1) > ODD * e * max(1.0, u) for s, e, u in zip(spoilt, window.expected, usual)
-    ]
-    left = _squares(ends)
-    known = replace(window, noise=SPOILT * window.noise)
-    sure = [known.p_value(w, left) < SURE for w in spoilt.mean(axis=0)]
-    return float(np.mean(np.all(odd, axis=0) & sure))
+        return False
+    begin = np.full(1, 0.5 * (joint_windows.LENGTH - TAKEN))
+    course = _Course.of(window.there, begin, np.full(1, TAKEN))
+    return -window.evidence(turn, course) > CONVINCING
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where a joint lies in a sensor's frame."""
+
+    mean: Array  # (3,) m
+    covariance: Array  # (3, 3) m^2
+
+    def rotated(self, R: Array) -> "_Place":
+        """The same in a frame to which R (3, 3) takes vectors."""
+        return _Place(R @ self.mean, R @ self.covariance @ R.T)
+
+    def combined(self, other: "_Place") -> tuple["_Place", float]:
+        """What both tell of one place, and the normalised square of their difference."""
+        gain = np.linalg.solve(self.covariance + other.covariance, self.covariance).T
+        mismatch = other.mean - self.mean
+        squared = mismatch @ np.linalg.solve(self.covariance + other.covariance, mismatch)
+        covariance = self.covariance - gain @ self.covariance
+        return _Place(self.mean + gain @ mismatch, covariance), float(squared)
 
 
 @dataclass(frozen=True)
 class _Window:
-    """A sensor's joints in one window in which it may have turned, as they lie in all windows, in those before it and in those after it."""
+    """A sensor's joints in one window in which it may have turned."""
 
-    anywhen: list["_End"]
-    before: list["_End"]
-    after: list["_End"]
+    ends: list["_End"]  # as they lie in the windows before it
+    places: list[tuple[_Place, _Place]]  # as the windows before it tell them, and those after it
     there: NDArray[np.bool_]  # which of the window's instants all have, m of them
-    expected: list[float]  # (m/s^2)^2, what the recording's other joints let expect of each
+    expected: float  # (m/s^2)^2, what the recording's other joints let expect
     noise: float  # (m/s^2)^2, what they usually leave
     weight: Array  # (m,) of the instants: less where samples do not tell how rates change
-    tests: float  # turns that are tried in the recording
 
     @classmethod
     def of(cls, pairs: Pairs, others: Others, sensor: str, k: int) -> "_Window | None":
@@ -242,41 +280,63 @@ class _Window:
         m = int(there.sum())
         if m < LEAST_INSTANTS:
             return None
-        sizes, ends, here, noise = others.without(sensor), [], [], []
+        sizes, ends, places, here, noise = others.without(sensor), [], [], [], []
         for joint, fit in zip(joints, fits):
             expected, use = sizes.expected(fit.couple.parts), pairs.use(*joint)
             sums = _weighted_sums(fit, use, expected)
-            sides = [s.sum(axis=0) for s in (sums[:k], sums[k + 1 :])]
-            steps = [_step_by(s, joint.index(sensor)) for s in (sum(sides), *sides)]
-            left = sum(x @ s @ x for x, s in zip(steps[1:], sides)) / fit.couple.count
+            sides = np.array([s.sum(axis=0) for s in (sums[:k], sums[k + 1 :])])
+            steps, covariances = _side_steps(sides)
+            left = np.einsum("si,sij,sj->", steps, sides, steps) / fit.couple.count
             here.append(float(expected[k]))
             noise.append(here[-1] * max(1.0, left / max(1, use.sum() - 1)))
-            places = [fit.unknowns + x[:-1] for x in steps]
-            ends.append([_End.of(pairs, joint, x, sensor, k, there) for x in places])
-        anywhen, before, after = (list(e) for e in zip(*ends))
-        count = 2 * len(pairs.series.sensors) * len(pairs.series.chosen)
-        tests = count * len(LENGTHS) * m
+            own = 3 * joint.index(sensor) + np.arange(3)
+            unknowns = fit.unknowns + steps.mean(axis=0)[:-1]
+            at = (fit.unknowns + steps[:, :-1])[:, own]
+            spread = covariances[:, own[:, None], own] + SKIN_SHIFT**2 * np.eye(3)
+            unknowns[own] = at[0]
+            ends.append(_End.of(pairs, joint, unknowns, sensor, k, there))
+            places.append((_Place(at[0], spread[0]), _Place(at[1], spread[1])))
         usual = float(np.mean(noise))
         neighbours = [j[1 - j.index(sensor)] for j in joints]
         between = _between_samples(pairs, neighbours, k)[there]
-        weight = usual / (usual + between)
-        return cls(anywhen, before, after, there, here, usual, weight, tests)
+        expects = float(np.mean(here))
+        return cls(ends, places, there, expects, usual, usual / (usual + between))
 
-    def p_value_of(self, left: Array) -> float:
-        """Of a turn that leaves mean squares (m,) `left`, wherever the joints lie without one."""
-        return max(
-            self.p_value(_squares(ends), left) for ends in (self.anywhen, self.before, self.after)
+    def evidence(self, turn: Array, course: "_Course") -> float:
+        """Log likelihood ratio of a turn (3,) rad that goes on so against none, wherever the joints lie and however large noise is in this window."""
+        still, mismatch = self._misfit(np.zeros(3), course)
+        turned, then = self._misfit(turn, course)
+        return self.log_ratio(still, turned) + 0.5 * (mismatch - then)
+
+    def explains(self, turn: Array, course: "_Course") -> bool:
+        """Whether a turn leaves no more than the recording's other joints let expect, about, or hardly anything of what is left without it."""
+        still, turned = (
+            self.noise * float((self.weight * self._misfit(t, course)[0]).mean())
+            for t in (np.zeros(3), turn)
         )
+        return turned < max(UNEXPLAINED * self.expected, HARDLY * still)
 
-    def p_value(self, without: Array, left: Array) -> float:
-        """Of a turn that leaves mean squares (m,) `left` of those that are left `without` one."""
-        m, without, left = len(without), self.weight * without, self.weight * left
-        kept = np.arange(m) != np.argmax(without)  # a knock leaves much at one instant
-        free = len(self.anywhen) * (m - 1) - OF_COURSE  # as in `_jump`: one of three axes' worth
-        rest = float(left[kept].mean())
-        less = float(without[kept].mean()) - rest
-        ratio = less / OF_COURSE / (max(rest, self.noise) / free)
-        return float(f_sf(ratio, OF_COURSE, free)) * self.tests
+    def most_evidence(self) -> float:
+        """Of any turn: one that leaves what is expected, and brings all places together."""
+        still, mismatch = self._misfit(np.zeros(3), _Course.of(self.there, np.zeros(1), np.ones(1)))
+        return self.log_ratio(still, np.ones(len(still))) + 0.5 * mismatch
+
+    def log_ratio(self, still: Array, turned: Array) -> float:
+        """Of likelihoods, by mean squares (m,) that are left with a turn and without one in units of what is usual; the window's own noise is as probable to be any multiple of that as half of them tell it."""
+        kept = np.arange(len(still)) != np.argmax(still)  # a knock leaves much at one instant
+        count = 3 * len(self.ends) * (len(still) - 1) / DEPENDENT
+        ratio = [1 + float((self.weight * left)[kept].mean()) for left in (still, turned)]
+        return count * float(np.log(ratio[0] / ratio[1]))
+
+    def _misfit(self, turn: Array, course: "_Course") -> tuple[Array, float]:
+        """Mean squares (m,) that a turn leaves in units of what is usual, and how far places lie from each other and from where the window has them, normalised and squared."""
+        R, squares, far = quat.matrix(quat.exp(turn)), np.zeros(len(self.weight)), 0.0
+        for end, (before, after) in zip(self.ends, self.places):
+            place, mismatch = before.combined(after.rotated(R))
+            left, off = end.fitted(turn, course, place, self.noise)
+            squares += (left**2).mean(axis=1) / self.noise / len(self.ends)
+            far += mismatch + off
+        return squares, far
 
 
 def _between_samples(pairs: Pairs, sensors: Sequence[str], k: int) -> Array:
@@ -306,30 +366,48 @@ def _step_by(sums: Array, own: int) -> Array:
     return step
 
 
-def _turning(pairs: Pairs, others: Others, sensor: str, k: int) -> Slip | None:
-    """The sensor's turn in window k that explains best what its joints leave; None where a turn does no better than chance would."""
-    window = _Window.of(pairs, others, sensor, k)
-    if window is None or window.p_value_of(np.zeros(int(window.there.sum()))) > SURE:
+def _side_steps(sums: Array) -> tuple[Array, Array]:
+    """From a joint's unknowns to those (2, 13), followed by 1, that fit the sums (2, 13, 13) of windows on either side best, and their covariances (2, 12, 12)."""
+    prior = np.diag(1 / FREE[[0, 0, 0, 0, 0, 0, 3, 3, 3, 3, 3, 3]] ** 2)
+    covariance = np.linalg.inv(sums[:, :-1, :-1] / DEPENDENT + prior)
+    step = -covariance @ sums[:, :-1, -1:] / DEPENDENT
+    return np.append(step[..., 0], np.ones((2, 1)), axis=1), np.asarray(covariance)
+
+
+def _turning(asked: _Asked, others: Others) -> Slip | None:
+    """The sensor's turn in a window that explains best what its joints leave; None where that is not convincing, or its rates do not show it."""
+    window = _Window.of(asked.pairs, others, asked.sensor, asked.window)
+    if window is None or window.most_evidence() < PROMISING:
         return None  # whatever the turn
+    fits = (False, True) if asked.seen is not None else (False,)
+    found = [_slip(asked, window, is_free) for is_free in fits]
+    return min((s for s in found if s is not None), key=lambda s: s.p_value, default=None)
+
+
+def _slip(asked: _Asked, window: "_Window", is_free: bool) -> Slip | None:
+    """The same with joints where the windows before tell them, or free to lie nearby."""
+    pairs, sensor, k, turn = asked.pairs, asked.sensor, asked.window, np.zeros(3)
     begins = np.arange(-INSTANT, joint_windows.LENGTH, INSTANT)
     begin, length = (v.ravel() for v in np.meshgrid(begins, LENGTHS))
     whole = begin + length <= joint_windows.LENGTH
-    best = _fitted(window, np.zeros((int(whole.sum()), 3)), begin[whole], length[whole])
+    if asked.seen is not None:
+        whole &= np.abs(begin + 0.5 * length - asked.seen.middle) < AROUND
+        flexion = np.array([0.0, 0.0, asked.seen.angle])
+        turn = quat.rotate(quat.conjugate(pairs.q_BS[sensor]), flexion)
+    turn = np.tile(turn, (int(whole.sum()), 1))
+    best = _fitted(window, turn, begin[whole], length[whole], is_free)
     for _ in range(REFINED):
         shift, factor = (v.ravel() for v in np.meshgrid(SHIFTS, FINER))
         turn = np.tile(best.turn, (len(shift), 1))
-        best = _fitted(window, turn, best.begin + shift, best.length * factor)
-    p, start = window.p_value_of(best.left), float(pairs.windows(sensor).t[k] + best.begin)
-    found = Slip(sensor, best.turn, start, p, True)
-    fastest = float(np.linalg.norm(pairs.windows(sensor).rate[k], axis=1).max())  # rad/s
-    return found if p < SURE and fastest > SEEN * found.size / best.length else None
-
-
-def _squares(ends: Sequence["_End"]) -> Array:
-    """Mean squares (m,) that are left at each instant if nothing turned, (m/s^2)^2."""
-    still = np.zeros((1, 3))
-    course = _Course.of(ends[0].there, np.zeros(1), np.ones(1))
-    return np.asarray(np.mean([e.left(still, course)[0] ** 2 for e in ends], axis=(0, 2)))
+        best = _fitted(window, turn, best.begin + shift, best.length * factor, is_free)
+    course = _Course.of(window.there, np.array([best.begin]), np.array([best.length]))
+    evidence = window.evidence(best.turn, course)
+    if evidence < CONVINCING or not window.explains(best.turn, course):
+        return None
+    seen, sd = isolated_turns.share_seen(pairs, sensor, k, best.turn, best.begin, best.length)
+    start = float(pairs.windows(sensor).t[k] + best.begin)
+    found = Slip(sensor, best.turn, start, COINCIDENT * float(np.exp(-evidence)), True)
+    return found if abs(seen - 1.0) < OFF + 2 * sd else None
 
 
 @dataclass(frozen=True)
@@ -386,19 +464,37 @@ class _End:
         )
         return cls(there, found[0, own], *(v[there] for v in readings))
 
-    def left(self, turn: Array, course: _Course) -> Array:
-        """What is left (C, m, 3) m/s^2 of the joint's acceleration if the sensor turned so (C, 3) on its segment, the rotation between the sensors being free."""
+    def left(self, turn: Array, course: _Course, off: Array) -> Array:
+        """What is left (C, m, 3) m/s^2 of the joint's acceleration if the sensor turned so (C, 3) on its segment and the joint lies `off` (C, 3) m from where it is known to, the rotation between the sensors being free."""
         by = turn[:, None]
-        so_far = course.share[..., None] * by
-        place = self.place - np.cross(so_far, self.place - 0.5 * np.cross(so_far, self.place))
+        so_far, place = course.share[..., None] * by, (self.place + off)[:, None]
+        place = place - quat.cross(so_far, place - 0.5 * quat.cross(so_far, place))
         own = course.rate[..., None] * by  # rad/s, of the sensor against its segment
-        change = course.change[..., None] * by + np.cross(self.rate, own)
-        of_segment = np.cross(own, np.cross(own - self.rate, place))
-        too_much = np.cross(change, place) + np.cross(self.rate, np.cross(own, place)) - of_segment
+        change = course.change[..., None] * by + quat.cross(self.rate, own)
+        of_segment = quat.cross(own, quat.cross(own - self.rate, place))
+        too_much = (
+            quat.cross(change, place) + quat.cross(self.rate, quat.cross(own, place)) - of_segment
+        )
         seen = self.force + np.einsum("mij,cmj->cmi", self.arm, place)
         seen = seen - np.einsum("mij,cmj->cmi", self.turned, too_much)
         R = common_joint.aligned(self.by_neighbour.T @ seen)
         return np.asarray(self.by_neighbour - seen @ np.swapaxes(R, 1, 2))
+
+    def fitted(
+        self, turn: Array, course: _Course, place: _Place, noise: float
+    ) -> tuple[Array, float]:
+        """What is left (m, 3) m/s^2 of a turn (3,) at the place that explains the window best, near one that is known; how far it lies from that, normalised and squared."""
+        information, off = np.linalg.inv(place.covariance), place.mean - self.place
+        for _ in range(STEPS - 1):
+            near = off + MOVED * np.eye(4, 3, -1)
+            left = self.left(np.tile(turn, (4, 1)), course, near).reshape(4, -1)
+            by = (left[1:] - left[0]) / MOVED
+            normal = by @ by.T / (DEPENDENT * noise) + information
+            right = by @ left[0] / (DEPENDENT * noise)
+            right += information @ (self.place + off - place.mean)
+            off = off - np.linalg.solve(normal, right)
+        away = self.place + off - place.mean
+        return self.left(turn[None], course, off[None])[0], float(away @ information @ away)
 
 
 @dataclass(frozen=True)
@@ -408,34 +504,51 @@ class _Fit:
     turn: Array  # (3,) rad
     begin: float  # s, in the window
     length: float  # s
-    left: Array  # (m,) mean squares at each instant, (m/s^2)^2
 
 
-def _fitted(window: _Window, turn: Array, begin: Array, length: Array) -> _Fit:
-    """Of turns near some (C, 3) that go on so the one that explains most; small turns are as probable as TURN_SD says."""
-    course = _Course.of(window.there, begin, length)
-    prior = window.noise / TURN_SD**2
+def _fitted(window: _Window, turn: Array, begin: Array, length: Array, is_free: bool) -> _Fit:
+    """Of turns near some (C, 3) that go on so the one that explains most, the joints where the windows before tell them or free to lie nearby; small turns are as probable as TURN_SD says."""
+    course, C, E = _Course.of(window.there, begin, length), len(turn), len(window.ends)
+    free = 3 * E if is_free else 0
+    prior = np.zeros((3 + free, 3 + free))
+    prior[:3, :3] = np.eye(3) / TURN_SD**2
+    for k, (before, _) in enumerate(window.places if is_free else ()):
+        part = slice(3 + 3 * k, 6 + 3 * k)
+        prior[part, part] = DEPENDENT * np.linalg.inv(before.covariance)
+    prior *= window.noise
 
-    def left(turn: Array) -> Array:
-        every = [e.left(turn, course) for e in window.before]
-        return np.stack(every, axis=2).reshape(len(turn), -1)
+    def left(x: Array) -> Array:
+        off = np.split(x[:, 3:], E, axis=1) if is_free else [np.zeros((C, 3))] * E
+        every = [e.left(x[:, :3], course, o) for e, o in zip(window.ends, off)]
+        return np.stack(every, axis=1).reshape(C, -1)
 
-    def cost(turn: Array, e: Array) -> Array:
-        return np.asarray((e**2).sum(axis=1) + prior * (turn**2).sum(axis=1))
+    def derivatives(x: Array, e: Array) -> Array:
+        by = np.zeros((*e.shape, x.shape[1]))
+        for k, step in enumerate(DIFFERENCE * np.eye(3, x.shape[1])):
+            by[..., k] = (left(x + step) - e) / DIFFERENCE
+        each, per = e.reshape(C, E, -1), by.reshape(C, E, -1, x.shape[1])
+        for k, end in enumerate(window.ends if is_free else ()):
+            for axis, step in enumerate(MOVED * np.eye(3)):
+                c = 3 + 3 * k + axis
+                moved = end.left(x[:, :3], course, x[:, 3 + 3 * k : 6 + 3 * k] + step)
+                per[:, k, :, c] = (moved.reshape(C, -1) - each[:, k]) / MOVED
+        return by
 
-    e = left(turn)
+    def cost(x: Array, e: Array) -> Array:
+        return np.asarray((e**2).sum(axis=1) + ((x @ prior) * x).sum(axis=1))
+
+    x = np.concatenate([turn, np.zeros((C, free))], axis=1)
+    e = left(x)
     for _ in range(STEPS):
-        steps = DIFFERENCE * np.eye(3)
-        by = np.stack([(left(turn + d) - e) / DIFFERENCE for d in steps], axis=-1)
-        normal = np.swapaxes(by, 1, 2) @ by + prior * np.eye(3)
-        right = (e[:, None] @ by)[:, 0] + prior * turn
-        tried = turn - np.linalg.solve(normal, right[..., None])[..., 0]
+        by = derivatives(x, e)
+        normal = np.swapaxes(by, 1, 2) @ by + prior
+        right = (e[:, None] @ by)[:, 0] + x @ prior
+        tried = x - np.linalg.solve(normal, right[..., None])[..., 0]
         then = left(tried)
-        less = (cost(tried, then) < cost(turn, e))[:, None]
-        turn, e = np.where(less, tried, turn), np.where(less, then, e)
-    best = int(np.argmin(cost(turn, e)))
-    each = (e[best].reshape(len(course.share[0]), -1) ** 2).mean(axis=1)
-    return _Fit(turn[best], float(begin[best]), float(length[best]), each)
+        less = (cost(tried, then) < cost(x, e))[:, None]
+        x, e = np.where(less, tried, x), np.where(less, then, e)
+    best = int(np.argmin(cost(x, e)))
+    return _Fit(x[best, :3], float(begin[best]), float(length[best]))
 
 
 def _turned(pairs: Pairs, before: Sequence[Joint], after: Sequence[Joint]) -> tuple[Array, Array]:

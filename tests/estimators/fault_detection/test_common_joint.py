@@ -149,7 +149,6 @@ def test_strokes_that_are_hardly_sampled_are_no_turn_of_a_sensor() -> None:
     window = slips._Window.of(p, Others(p), "index_proximal", 9)
     assert window is not None
     strokes = np.isin(np.arange(25), [5, 6, 7, 17, 18, 19])
-    without = window.noise * np.where(strokes, 200.0, 0.3)
-    left = np.full(25, 0.3 * window.noise)
-    assert window.p_value(without, left) > slips.SURE
-    assert window.p_value(np.roll(without, 6), left) < slips.SURE
+    still, turned = np.where(strokes, 20.0, 0.3), np.full(25, 0.3)
+    assert window.log_ratio(still, turned) < slips.CONVINCING
+    assert window.log_ratio(np.roll(still, 6), turned) > slips.CONVINCING

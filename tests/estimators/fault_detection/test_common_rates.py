@@ -1,5 +1,7 @@
 """Rates that neighbours have in common: exact of hinges, whatever the sensors' tilt, and of no other gain or delay."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -9,7 +11,7 @@ import pytest
 from handscope.estimators.data.samples import GYR, Block
 from handscope.estimators.fault_detection.neighbours import joint_windows
 from handscope.estimators.fault_detection.neighbours.check_neighbours import prepare_pairs
-from handscope.estimators.fault_detection.neighbours.rates import rate_tests
+from handscope.estimators.fault_detection.neighbours.rates import isolated_turns, rate_tests
 from handscope.estimators.fault_detection.neighbours.rates.common_rates import CommonRates
 from handscope.estimators.fault_detection.neighbours.rates.kernels import (
     SIZE,
@@ -18,6 +20,7 @@ from handscope.estimators.fault_detection.neighbours.rates.kernels import (
     leave_rates,
     sine,
 )
+from handscope.estimators.fault_detection.neighbours.sensor_pairs import Pairs
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS
 from handscope.estimators.hand.geometry import sized
 from handscope.estimators.numerics import quaternions as quat
@@ -179,3 +182,36 @@ def test_joints_tell_whether_rates_are_means(means: bool) -> None:
     series = joint_windows.common_series(blocks, {}, 0.5 if means else 0.0)
     assert series is not None
     np.testing.assert_array_equal(pairs.series.gyr, series.gyr)
+
+
+def _flexing(sensors: Sequence[str], angle: float) -> Pairs:
+    """Sensors that flex by an angle (rad) within 0.2 s from 3.4 s on, all others at rest."""
+    pairs = prepare_pairs(list(freely_moved().blocks()), sized("left"), {}, [])
+    assert pairs is not None
+    series, gyr = pairs.series, np.zeros_like(pairs.series.gyr)
+    rate = angle * isolated_turns.turn_rate(series.t - series.t[0], 3.4, 0.2)
+    for sensor in sensors:
+        gyr[:, series.sensors.index(sensor), 2] = rate
+    return Pairs(replace(series, gyr=gyr), pairs.geometry, pairs.q_BS)
+
+
+def test_a_turn_that_neighbours_do_not_share_is_found_with_its_size() -> None:
+    pairs = _flexing(["index_middle"], -0.3)
+    (found,) = isolated_turns.find(pairs, "index_middle")
+    assert found.window == 3
+    assert found.middle == pytest.approx(0.5, abs=0.08)
+    assert found.angle == pytest.approx(-0.3, rel=0.1)
+    seen, _ = isolated_turns.share_seen(
+        pairs, "index_middle", 3, np.array([0.0, 0.0, -0.3]), 0.4, 0.2
+    )
+    assert seen == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_finger_that_flexes_as_a_whole_turns_no_sensor_by_itself() -> None:
+    """Nor does its last phalanx, which goes with the one before."""
+    pairs = _flexing(CHAINS["index"], 0.3)
+    assert [t for s in CHAINS["index"][1:] for t in isolated_turns.find(pairs, s)] == []
+    seen, _ = isolated_turns.share_seen(
+        pairs, "index_distal", 3, np.array([0.0, 0.0, 0.3]), 0.4, 0.2
+    )
+    assert abs(seen) < 0.2

@@ -233,7 +233,8 @@ def test_a_sensor_that_its_gyroscope_saw_turn_on_its_segment_is_named(
     ("movement", "sensor"),
     [
         pytest.param("opposing", "index_middle", marks=pytest.mark.slow),
-        ("slow fist", "index_distal"),
+        pytest.param("slow fist", "index_distal", marks=pytest.mark.slow),
+        ("fast fist", "index_distal"),
     ],
 )
 def test_a_turn_that_a_gyroscope_saw_is_named_in_the_simulator_that_is_not_ours(
