@@ -56,10 +56,15 @@ def find_common(pairs: Pairs) -> tuple[float, float]:
     """
     if len(pairs.joints) < FEWEST:
         return 1.0, 1.0
-    before, use = _in_noise(pairs)
+    rest, noise, use = _left(pairs, pairs.joints)
+    before = rest / noise
+
+    def left_at(gain: float) -> Array:
+        """What joints (J, K) leave at a gain, in times the noise of the rates as they are: that of larger rates is larger, which says nothing for them."""
+        return _left(pairs.with_common_gain(gain), pairs.joints)[0] / noise
 
     def total(gain: float) -> float:
-        return float(np.log1p(_in_noise(pairs.with_common_gain(gain))[0])[use].sum())
+        return float(np.log1p(left_at(gain))[use].sum())
 
     totals = {1.0: float(np.log1p(before)[use].sum())} | {g: total(g) for g in COMMON}
     if min(totals, key=totals.__getitem__) == 1.0:
@@ -71,7 +76,7 @@ def find_common(pairs: Pairs) -> tuple[float, float]:
         best = vertex(np.array(gains[k - 1 : k + 2]), np.array(left_over[k - 1 : k + 2]))
     if abs(best - 1.0) <= TOLERATED:
         return 1.0, 1.0
-    left = _in_noise(pairs.with_common_gain(best))[0]
+    left = left_at(best)
     gained = np.log1p(before) - np.log1p(left)
     # what noise may make tells less
     weight = np.where(use, np.clip(np.maximum(before, left), 0.0, 1.0), 0.0)
@@ -81,12 +86,6 @@ def find_common(pairs: Pairs) -> tuple[float, float]:
     each = (weight * gained).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-12)
     tests = len(COMMON + FARTHER)
     return best, min(1.0, tests * paired_test.p_value(each, 0.0, weight.max(axis=0)))
-
-
-def _in_noise(pairs: Pairs) -> tuple[Array, NDArray[np.bool_]]:
-    """What all joints (J, K) leave over, in times their noise, and where both sensors have samples and turn."""
-    rest, noise, use = _left(pairs, pairs.joints)
-    return rest / noise, use
 
 
 def p_value_of(wrong: Pairs, right: Pairs, sensor: str, gain: float) -> float:

@@ -10,7 +10,7 @@ import pytest
 from handscope.estimators.data.samples import ACC, GYR, Block, Stream
 from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.neighbours import check_neighbours as neighbours
-from handscope.estimators.fault_detection.neighbours import exchanges
+from handscope.estimators.fault_detection.neighbours import exchanges, gains
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry, sized
 from handscope.estimators.recording_checks.check import suspicions_of
@@ -26,6 +26,7 @@ from tests.estimators.fault_detection.joint_recordings import (
     loosened,
     slipped,
 )
+from tests.estimators.fault_detection.recordings import performed
 from tests.schedule import swept
 
 GEOMETRY = sized("left")
@@ -52,6 +53,30 @@ def test_a_rate_that_the_file_tells_wrong_is_told_by_the_joints(percent: float) 
     assert (found.message.code, found.message.severity) == ("file.rate", "fault")
     assert found.correction is not None
     assert found.correction["rate"] == pytest.approx(1 + percent / 100, abs=0.01)
+
+
+def test_larger_rates_do_not_explain_noise_of_accelerometers() -> None:
+    """More skin movement is expected of them, too."""
+    rng, blocks = np.random.default_rng(5), []
+    for block in intact():
+        values, axes = block.values.copy(), block.stream.axes(ACC)
+        values[..., axes] += rng.normal(0, 0.8, values[..., axes].shape)  # m/s^2
+        blocks.append(replace(block, values=values))
+    pairs = neighbours.prepare_pairs(blocks, sized("left"), {}, [])
+    assert pairs is not None
+    assert gains.find_common(pairs)[1] > neighbours.FALSE_ALARM
+
+
+def test_errors_of_the_accelerometers_scales_are_learnt_from_rests() -> None:
+    (block, *_), rng = performed("initial_pose", "rom_fist"), np.random.default_rng(7)
+    values, axes = block.values.copy(), block.stream.axes(ACC)
+    values[..., axes] *= rng.normal(1, 0.03, (values.shape[1], 1))
+    off = replace(block, values=values)
+    joint = ("index_proximal", "index_middle")
+    intact, badly = (neighbours.prepare_pairs([b], sized("left"), {}, []) for b in (block, off))
+    assert intact is not None and badly is not None
+    assert intact.scale_error < 0.1 and badly.scale_error == pytest.approx(0.3, abs=0.12)
+    assert (badly.couple(*joint).noise > intact.couple(*joint).noise + 0.02).all()
 
 
 @pytest.mark.slow
