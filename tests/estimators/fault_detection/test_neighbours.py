@@ -11,6 +11,7 @@ from handscope.estimators.data.samples import ACC, GYR, Block, Stream
 from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.neighbours import check_neighbours as neighbours
 from handscope.estimators.fault_detection.neighbours import exchanges, gains
+from handscope.estimators.fault_detection.neighbours.unexplained import Unexplained
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry, sized
 from handscope.estimators.recording_checks.check import suspicions_of
@@ -153,6 +154,18 @@ def test_a_gyroscope_of_the_only_finger_that_moves_is_compared_with_what_other_j
     ]
     ((start, _),) = found[0].spans
     assert start >= since - 1.0
+
+
+def test_joints_of_a_struck_finger_that_no_single_sensor_explains_are_no_faults() -> None:
+    def odd(p_value: float, *joints: tuple[str, str]) -> list[Unexplained]:
+        return [Unexplained(j, 40.0, p_value, (0.0, 9.0), (0.0, 9.0)) for j in joints]
+
+    p, m, d = CHAINS["middle"]
+    every = ("hand", p), (p, m), (m, d)
+    ring = odd(1e-5, ("hand", CHAINS["ring"][0]))
+    assert neighbours.by_single_sensors([*odd(1e-6, *every), *ring]) == ring
+    assert neighbours.by_single_sensors(odd(1e-6, *every[:2])) == odd(1e-6, *every[:2])
+    assert neighbours.by_single_sensors(odd(1e-12, *every)) == odd(1e-12, *every)
 
 
 def test_a_knock_in_a_single_second_is_no_fault() -> None:
