@@ -168,8 +168,8 @@ class CommonRates:
         a, b = parent[rows] / of_parent, child[later] / of_child
         there = is_parent[rows] & is_child[later] & inside
         pulled = self._pulled(joint, a[:, 2], b[:, 2], rows, later)
-        variance = max(NOISE**2, self.noise[joint[0]] + self.noise[joint[1]])
-        variance = variance + SKIN**2 * _around(pulled)
+        of_both = max(NOISE**2, self.noise[joint[0]] + self.noise[joint[1]])
+        variance = of_both + SKIN**2 * _around(pulled)
         variance += SCALE**2 * ((a**2).sum(axis=1) + (b**2).sum(axis=1))
         if joint[0] == "hand":
             variance += PULLED**2 * self._of_knuckles[rows]
