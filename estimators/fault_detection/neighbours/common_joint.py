@@ -73,8 +73,6 @@ class Couple:
     second: Windows
     pulled: Array  # (K,) how much the segments around turn (Windows.turning), which pull the skin under the sensors
     expected: Array  # (6,) m, where the joint lies if it is known roughly
-    # m/s^2 along gravity, standard deviation of what scales of this glove's accelerometers make of it
-    scale: float = 0.0
 
     @cached_property
     def sums(self) -> tuple[Array, Array, Array]:
@@ -97,9 +95,8 @@ class Couple:
         """Mean squares (K, 3) that a joint of intact sensors leaves: always, as skin moves its place and as movement between samples is not known, as scale errors turn with gravity."""
         skin = ARM * np.hypot(SKIN * np.maximum(self.pulled, self.turning), self.doubt)
         turn = np.maximum(self.first.turn, self.second.turn)
-        of_two = max(SCALE_OFF, float(np.sqrt(2 / 3)) * self.scale)
-        always = np.full_like(skin, FLOOR**2 + of_two**2)
-        return np.stack([always, skin**2, (max(GRAVITY_OFF, self.scale) * turn) ** 2], axis=1)
+        always = np.full_like(skin, FLOOR**2 + SCALE_OFF**2)
+        return np.stack([always, skin**2, (GRAVITY_OFF * turn) ** 2], axis=1)
 
     @cached_property
     def noise(self) -> Array:

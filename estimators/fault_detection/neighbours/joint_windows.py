@@ -38,7 +38,6 @@ MOST_MISSING = 0.3  # of a second of which no piece, but the whole is asked
 BY_HALF = 0.15
 LEAST_PIECE = 10  # instants of a window between two gaps
 QUIET = 0.06  # rad/s, largest standard deviation of a rate's axis in a second of rest
-STEADY = 0.2  # m/s^2, largest standard deviation of an accelerometer's axis there
 BIAS = 0.2  # rad/s, largest zero-rate level that a second of rest may tell
 
 
@@ -301,19 +300,6 @@ def _resting_rates(gyr: Array, near: NDArray[np.bool_]) -> Array:
     level, least = mean[best, np.arange(S)], spread[best, np.arange(S)]
     small = (least <= QUIET) & (np.linalg.norm(level, axis=1) < BIAS)
     return np.where(small[:, None], level, 0.0)
-
-
-def resting_gravity(series: Series) -> Array:
-    """Sizes (S,) m/s^2 of gravity that accelerometers read in their quietest second; NaN of a sensor without one."""
-    m, S = round(RATE * LENGTH), len(series.sensors)
-    count = len(series.t) // m
-    there = series.whole[: count * m].reshape(count, m, S).mean(axis=1) > 1 - MOST_MISSING
-    gyr, acc = (v[: count * m].reshape(count, m, S, 3) for v in (series.gyr, series.acc))
-    turning, shaken = (v.std(axis=1).max(axis=2, initial=0.0) for v in (gyr, acc))
-    quiet = there & (turning <= QUIET) & (shaken <= STEADY)
-    best = np.argmin(np.where(quiet, turning, np.inf), axis=0) if count else np.zeros(S, int)
-    sizes = np.linalg.norm(acc.mean(axis=1), axis=2)
-    return np.array([sizes[k, s] if quiet[:, s].any() else np.nan for s, k in enumerate(best)])
 
 
 def cut(

@@ -17,7 +17,6 @@ from handscope.estimators.fault_detection.neighbours.joint_windows import Series
 from handscope.estimators.hand.anatomy import JOINTS, side_sign
 from handscope.estimators.hand.geometry import HandGeometry
 from handscope.estimators.numerics import quaternions as quat
-from handscope.estimators.numerics.constants import GRAVITY
 from handscope.estimators.numerics.typing import Array
 
 DORSAL = {
@@ -32,8 +31,6 @@ BESIDE = 0.008  # m, beyond the end of its segment, that a sensor may sit from a
 GAINED = (
     0.3  # log ratio by which a joint anywhere explains more than gravity does: movements 0.9 to 4
 )
-FEW_RESTING = 6  # sensors, whose rests tell how well a glove's accelerometers are calibrated
-NORMAL_MAD = 1.4826  # standard deviation of a normal variable by the median of its size
 WHOLE = 0.99  # share of an instant's samples
 AROUND = 10  # averaged instants beside a window, of which delayed ones are cut: 0.4 s
 POOR = 2.0  # times its noise that a joint leaves over the recording; only then other descriptions are tried
@@ -164,7 +161,7 @@ class Pairs:
             weight, both = self._weight(a, b, late), (self.windows(a), self.windows(b, late))
             if not (weight == 1.0).all():
                 both = replace(both[0], weight=weight), replace(both[1], weight=weight)
-            self._couples[key] = Couple(*both, self._pulled(a, b), expected, self.scale_error)
+            self._couples[key] = Couple(*both, self._pulled(a, b), expected)
         return self._couples[key]
 
     def turning(self, sensor: str) -> Array:
@@ -236,16 +233,6 @@ class Pairs:
         joint = self.joint(a, b, None if anywhere else (a, b))
         use = self.use(a, b) & self.turns(a, b)
         return float(joint.rest[use].sum() / max(joint.noise[use].sum(), 1e-12))
-
-    @cached_property
-    def scale_error(self) -> float:
-        """Standard deviation (m/s^2, along gravity) of what scales of the accelerometers make of it, by their rests; 0 where few sensors rest, or biases explain it."""
-        off = joint_windows.resting_gravity(self.series) - GRAVITY
-        off = off[np.isfinite(off)]
-        if len(off) < FEW_RESTING:
-            return 0.0
-        sd = NORMAL_MAD * float(np.median(np.abs(off)))
-        return float(np.sqrt(max(sd**2 - common_joint.ACC_BIAS**2, 0.0)))
 
     @cached_property
     def explains(self) -> bool:
