@@ -20,6 +20,7 @@ from handscope.estimators.fault_detection.single_sensors.check_sensors import ch
 MOST_FAULTY = 4  # sensors at fault beside which the others are compared: more have one cause
 FROZEN = "sensor.frozen"  # at fault in stretches alone
 SLIP, UNEXPLAINED = "sensor.slipped", "sensors.disagree"
+SIZE = "sensor.accelerometer_size"  # its error turns with the sensor, so that no joint fits
 EXPLAIN_STEPS = ("sensors.late", "sensors.early", "sensors.exchanged", "sensors.order")
 
 
@@ -71,7 +72,7 @@ def check_recording(
         declared.events,
         compared,
     )
-    return _without_repeated_slips([*alone, *together])
+    return _without_explained([*alone, *together])
 
 
 def _without(block: Block, sensors: Collection[str]) -> Block:
@@ -103,16 +104,16 @@ def _is_refuted(suspicion: Suspicion, compared: Compared | None) -> bool:
     return views.others.refute_rates(sensor, suspicion.rates, span)
 
 
-def _without_repeated_slips(found: list[Suspicion]) -> list[Suspicion]:
-    """Without a slip of a sensor of which the same, or a cause that explains its step, is known; the slip of a sensor explains joints that do not meet."""
-    slipped = {n for s in found if s.message.code == SLIP for n in s.sensors}
+def _without_explained(found: list[Suspicion]) -> list[Suspicion]:
+    """Without a slip of a sensor of which the same, or a cause that explains its step, is known; the slip of a sensor, and an accelerometer of which gravity is off, explain joints that do not meet."""
+    known = {n for s in found if s.message.code in (SLIP, SIZE) for n in s.sensors}
     kept: list[Suspicion] = []
     for s in found:
         others = [o for o in found if o is not s and {*o.sensors} & {*s.sensors}]
         is_known = any(
             o in kept if o.message.code == SLIP else o.message.code in EXPLAIN_STEPS for o in others
         )
-        unexplained = s.message.code == UNEXPLAINED and bool(slipped & {*s.sensors})
-        if not unexplained and not (s.message.code == SLIP and is_known):
+        explained = s.message.code == UNEXPLAINED and bool(known & {*s.sensors})
+        if not explained and not (s.message.code == SLIP and is_known):
             kept.append(s)
     return kept

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from handscope.estimators.data.samples import (
     ACC,
@@ -32,6 +33,8 @@ USUAL = {
 }
 LEAST = {GYR: np.radians(240.0), ACC: 1.9 * GRAVITY}
 NEAR = 0.02  # of a usual full scale: what a scale error leaves
+# of the largest reading, by which a parabola through the readings beside equal ones exceeds them at least where they are cut off; what less takes away is no more than a scale error
+ROUND_TOP = 0.005
 OFTEN = 3  # equal largest readings: in a row anywhere, separate ones only near a usual full scale
 # rad/s: a gyroscope clips below LEAST, too, where so many rows of equal largest readings say so
 SLOW, PLATEAUS = (
@@ -56,11 +59,26 @@ def find_limits(block: Block, quantity: str) -> Array:
     largest = np.max(size, axis=0, initial=0.0, where=np.isfinite(size))
     top = size == largest
     in_a_row = top[2:] & top[1:-1] & top[:-2]
-    plateaus = (np.diff(in_a_row, axis=0, prepend=False) & in_a_row).sum(axis=0)
+    begins = np.diff(in_a_row, axis=0, prepend=False) & in_a_row
+    plateaus = np.zeros(largest.shape, int)
+    for row, sensor, axis in np.argwhere(begins):
+        is_cut = _is_cut_off(size[:, sensor, axis], top[:, sensor, axis], int(row))
+        plateaus[sensor, axis] += is_cut
     usual = (np.abs(largest[..., None] / USUAL[quantity] - 1.0) < NEAR).any(axis=-1)
     clips = (largest >= LEAST[quantity]) & ((plateaus > 0) | (usual & (top.sum(axis=0) >= OFTEN)))
     clips |= (largest >= least) & (plateaus >= PLATEAUS)
     return np.asarray(np.where(clips, largest, np.inf).min(axis=1))
+
+
+def _is_cut_off(size: Array, top: NDArray[np.bool_], first: int) -> bool:
+    """Whether what surrounds the equal readings (n,) from `first` on would have them rise further: coarse readings repeat the top of a peak that was not cut off."""
+    last = first + int(np.argmin(np.append(top[first:], False))) - 1
+    beside = np.array([first - 2, first - 1, last + 1, last + 2])
+    if beside[0] < 0 or beside[-1] >= len(size) or not np.isfinite(size[beside]).all():
+        return True
+    middle = 0.5 * (first + last)
+    peak = np.polyfit((beside - middle) / (last - first + 3), size[beside], 2)[-1]
+    return bool(peak > (1 + ROUND_TOP) * size[first])
 
 
 def find_full_scales(blocks: Iterable[Block]) -> dict[str, dict[str, float]]:

@@ -182,7 +182,7 @@ def check_neighbours(views: Views, geometry: HandGeometry) -> list[Suspicion]:
     named = _named(views, [u.joint for u in odd])
     return named + [
         of_unexplained(u)
-        for u in odd
+        for u in by_single_sensors(odd)
         if not any(_shares_joint(pairs, u.joint, t.sensors) for t in named)
     ]
 
@@ -191,6 +191,17 @@ def _once(odd: Sequence[Unexplained]) -> list[Unexplained]:
     """Of each joint what is most certain."""
     least = {u.joint: u for u in sorted(odd, key=lambda u: -u.p_value)}
     return list(least.values())
+
+
+def by_single_sensors(odd: Sequence[Unexplained]) -> list[Unexplained]:
+    """Odd joints without those of fingers in which one faulty sensor does not explain all: what strikes a finger shakes all its sensors, and two that fail at once are as rare as two false alarms."""
+    shaken = {
+        _limb(u.joint[1])
+        for u in odd
+        for v in odd
+        if _limb(u.joint[1]) == _limb(v.joint[1]) and not {*u.joint} & {*v.joint}
+    }
+    return [u for u in odd if _limb(u.joint[1]) not in shaken or u.p_value < FALSE_ALARM**2]
 
 
 def _named(views: Views, odd: Sequence[tuple[str, str]]) -> list[Suspicion]:

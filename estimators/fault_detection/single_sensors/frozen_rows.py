@@ -70,19 +70,21 @@ def _standing_still(
     block: Block, values: NDArray[np.float64], near: float
 ) -> tuple[_Spans, float] | None:
     """When (s) readings (n, channels) stand still, and the probability of such by chance, given those `near` s elsewhere in which most rows are repeated; None where they do not."""
-    if len(block.t) < 3 or values.shape[1] < CHANNELS:
+    known = ~np.isnan(values).all(axis=1)  # rows that are lost say nothing of those beside them
+    t, values = (block.t, values) if known.all() else (block.t[known], values[known])
+    if len(t) < 3 or values.shape[1] < CHANNELS:
         return None
     repeats = _repeats(values)
-    runs = [r for r in _runs(repeats) if block.t[r[1]] - block.t[r[0]] >= SHORTEST]
+    runs = [r for r in _runs(repeats) if t[r[1]] - t[r[0]] >= SHORTEST]
     runs = [r for r in runs if _is_cut_off(block, values, r)]
     rows = sum(b - a for a, b in runs)
-    if not runs or rows > MOST_FROZEN * len(block.t):  # what never changes: its sensors are dead
+    if not runs or rows > MOST_FROZEN * len(t):  # what never changes: its sensors are dead
         return None
     others = np.delete(repeats, np.concatenate([np.arange(a, b) for a, b in runs]))
-    count = int(np.clip(near / np.median(np.diff(block.t)), 1, len(others)))
+    count = int(np.clip(near / np.median(np.diff(t)), 1, len(others)))
     usual = (float(np.convolve(others, np.ones(count), "valid").max()) + 1.0) / (count + 1.0)
     p = min(1.0, len(values) * usual ** min(b - a for a, b in runs))
-    spans = tuple((float(block.t[a]), float(block.t[b])) for a, b in runs)
+    spans = tuple((float(t[a]), float(t[b])) for a, b in runs)
     return (spans, p) if p < FALSE_ALARMS else None
 
 
@@ -213,10 +215,15 @@ def _is_cut_off(block: Block, values: NDArray[np.float64], run: tuple[int, int])
 
 
 def _repeats(values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which rows (n - 1,) of values (n, channels) repeat the one before in every channel that has readings."""
-    same = values[1:] == values[:-1]
-    missing = np.isnan(values[1:]) & np.isnan(values[:-1])
-    return np.asarray((same | missing).all(axis=1) & ~np.isnan(values[1:]).all(axis=1))
+    """Which rows (n - 1,) of values (n, channels), each with readings, repeat what every channel of theirs read last."""
+    missing = np.isnan(values)
+    if not missing.any():
+        return np.asarray((values[1:] == values[:-1]).all(axis=1))
+    repeats = np.ones(len(values), bool)
+    for column, absent in zip(values.T, missing.T):
+        there = np.flatnonzero(~absent)
+        repeats[there[1:][np.diff(column[there]) != 0.0]] = False
+    return repeats[1:]
 
 
 def _runs(repeats: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -27,7 +27,8 @@ TREMBLES = 20  # cells: 0.4 s, over which a tremor is averaged
 STILL = 0.06  # rad/s, standard deviation of each averaged rate in a rest, and how far its mean may be from the sensor's bias
 STEADY = 0.15  # m/s^2, standard deviation of each averaged acceleration in a rest
 SWING = np.radians(2.0)  # standard deviation of the angle about each axis in a rest
-SIZE = 0.5  # m/s^2, by which a rest's acceleration may differ from gravity: bias and scale
+SIZE = 0.5  # m/s^2, by which a rest's acceleration may differ from what the sensor usually reads of gravity
+BADLY_CALIBRATED = 1.0  # m/s^2, by which that may differ from gravity's size
 LONGEST = 500  # cells between two rests: 10 s
 # of gravity in a rest: 50 mg, the offset of a part that is not calibrated, and what a hand that is carried evenly adds
 REST_SD = np.radians(3.0)
@@ -192,7 +193,10 @@ def _still(gyr: Array, acc: Array, valid: NDArray[np.bool_]) -> tuple[NDArray[np
     rate, rate_sd = _moments(_smooth(gyr))
     force, force_sd = _moments(_smooth(acc))
     quiet = whole & (rate_sd < STILL).all(axis=1) & (force_sd < STEADY).all(axis=1)
-    quiet &= np.abs(np.linalg.norm(force, axis=1) - GRAVITY) < SIZE
+    if quiet.any():
+        size = np.linalg.norm(force, axis=1)
+        usual = np.clip(np.median(size[quiet]) - GRAVITY, -BADLY_CALIBRATED, BADLY_CALIBRATED)
+        quiet &= np.abs(size - GRAVITY - usual) < SIZE
     if not quiet.any():
         return np.zeros(len(gyr), bool), np.zeros(3)
     bias = np.median(rate[quiet], axis=0)

@@ -10,7 +10,10 @@ import pytest
 
 from handscope.estimators.data.samples import GYR, Block
 from handscope.estimators.fault_detection.neighbours import joint_windows
-from handscope.estimators.fault_detection.neighbours.check_neighbours import prepare_pairs
+from handscope.estimators.fault_detection.neighbours.check_neighbours import (
+    FALSE_ALARM,
+    prepare_pairs,
+)
 from handscope.estimators.fault_detection.neighbours.rates import isolated_turns, rate_tests
 from handscope.estimators.fault_detection.neighbours.rates.common_rates import CommonRates
 from handscope.estimators.fault_detection.neighbours.rates.kernels import (
@@ -113,6 +116,19 @@ def test_intact_hinges_leave_no_more_than_their_noise() -> None:
     assert max(float(np.nanmedian(rates.left(j))) for j in hinges) < 1.0
     assert rate_tests.find_gain(rates) is None
     assert rate_tests.find_delays(rates) == []
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.12])
+def test_noise_of_coarse_gyroscopes_is_learnt_from_the_recording(lost: float) -> None:
+    rng, blocks = np.random.default_rng(4), []
+    for block in freely_moved().blocks():
+        values, axes = block.values.copy(), block.stream.axes(GYR)
+        values[..., axes] += rng.normal(0, 0.006, values[..., axes].shape)  # rad/s
+        values[rng.random(len(values)) < lost] = np.nan
+        blocks.append(Block(block.stream, block.t, values))
+    rates = _rates(blocks)
+    assert 0.0035**2 < rates.noise["ring_middle"] < 0.006**2  # of means of two readings
+    assert [u for u in rate_tests.find_unexplained(rates) if u.p_value < FALSE_ALARM] == []
 
 
 @pytest.mark.parametrize("gain", [1.15, 0.8])

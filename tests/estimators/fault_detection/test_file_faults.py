@@ -95,6 +95,19 @@ def test_sensors_that_stand_still_while_others_go_on_are_named(still: tuple[str,
     np.testing.assert_allclose(found.spans, [(8.0, 9.49)], atol=0.02)
 
 
+def test_a_strip_that_stands_still_is_named_beside_samples_that_are_lost() -> None:
+    rng, blocks = np.random.default_rng(6), []
+    for block, stopped in zip(moved_freely(), frozen(moved_freely(), 8.0, 9.5)):
+        held = np.isin(block.stream.sensors, CHAINS["index"])
+        values = np.where(held[:, None], stopped.values, block.values)
+        lost = rng.random(len(block.t)) < 0.12
+        values[np.ix_(lost, held)] = np.nan
+        blocks.append(replace(block, values=values))
+    (found,) = frozen_stretches(blocks)
+    assert (found.message.code, found.sensors) == ("sensor.frozen", CHAINS["index"])
+    np.testing.assert_allclose(found.spans, [(8.0, 9.49)], atol=0.05)
+
+
 def test_a_coarse_sensor_that_rests_repeats_its_readings() -> None:
     """Gyroscope to 0.5 deg/s, accelerometer to 0.1 m/s^2."""
     steps = np.array([*3 * [np.radians(0.5)], *3 * [0.1]])

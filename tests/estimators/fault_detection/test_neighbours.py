@@ -10,7 +10,8 @@ import pytest
 from handscope.estimators.data.samples import ACC, GYR, Block, Stream
 from handscope.estimators.fault_detection.finding import Suspicion
 from handscope.estimators.fault_detection.neighbours import check_neighbours as neighbours
-from handscope.estimators.fault_detection.neighbours import exchanges
+from handscope.estimators.fault_detection.neighbours import exchanges, gains
+from handscope.estimators.fault_detection.neighbours.unexplained import Unexplained
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS, SEGMENTS, Hand
 from handscope.estimators.hand.geometry import HandGeometry, sized
 from handscope.estimators.recording_checks.check import suspicions_of
@@ -61,6 +62,18 @@ def test_a_wrong_rate_is_told_where_few_windows_tell_it_but_nearly_every_joint_d
     assert (found.message.code, found.message.severity) == ("file.rate", "fault")
     assert found.correction is not None
     assert found.correction["rate"] == pytest.approx(1 / 0.9, abs=0.02)
+
+
+def test_larger_rates_do_not_explain_noise_of_accelerometers() -> None:
+    """More skin movement is expected of them, too."""
+    rng, blocks = np.random.default_rng(5), []
+    for block in intact():
+        values, axes = block.values.copy(), block.stream.axes(ACC)
+        values[..., axes] += rng.normal(0, 0.8, values[..., axes].shape)  # m/s^2
+        blocks.append(replace(block, values=values))
+    pairs = neighbours.prepare_pairs(blocks, sized("left"), {}, [])
+    assert pairs is not None
+    assert gains.find_common(pairs)[1] > neighbours.FALSE_ALARM
 
 
 @pytest.mark.slow
@@ -137,6 +150,18 @@ def test_a_gyroscope_of_the_only_finger_that_moves_is_compared_with_what_other_j
     ]
     ((start, _),) = found[0].spans
     assert start >= since - 1.0
+
+
+def test_joints_of_a_struck_finger_that_no_single_sensor_explains_are_no_faults() -> None:
+    def odd(p_value: float, *joints: tuple[str, str]) -> list[Unexplained]:
+        return [Unexplained(j, 40.0, p_value, (0.0, 9.0), (0.0, 9.0)) for j in joints]
+
+    p, m, d = CHAINS["middle"]
+    every = ("hand", p), (p, m), (m, d)
+    ring = odd(1e-5, ("hand", CHAINS["ring"][0]))
+    assert neighbours.by_single_sensors([*odd(1e-6, *every), *ring]) == ring
+    assert neighbours.by_single_sensors(odd(1e-6, *every[:2])) == odd(1e-6, *every[:2])
+    assert neighbours.by_single_sensors(odd(1e-12, *every)) == odd(1e-12, *every)
 
 
 def test_a_knock_in_a_single_second_is_no_fault() -> None:

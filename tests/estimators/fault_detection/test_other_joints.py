@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from handscope.estimators.data.samples import Block
+from handscope.estimators.fault_detection.check import _without_explained
+from handscope.estimators.fault_detection.finding import Message, Suspicion
 from handscope.estimators.fault_detection.neighbours.check_neighbours import prepare_pairs
 from handscope.estimators.fault_detection.neighbours.other_joints import Others
 from handscope.estimators.hand.anatomy import CHAINS, FINGERS
@@ -58,3 +60,14 @@ def test_a_hand_that_reaches_is_not_suspected(person: int) -> None:
     )
     reaching, _ = write_and_load(setup, daily_movements.movement("reaching", setup))
     assert [s for s in suspicions_of(reaching) if s.message.severity != "info"] == []
+
+
+def test_an_accelerometer_whose_gravity_is_off_explains_its_joints() -> None:
+    def suspicion(code: str, *sensors: str) -> Suspicion:
+        return Suspicion(Message(code, {}, "warning"), sensors, ((0.0, 9.0),), 1e-6)
+
+    size = suspicion("sensor.accelerometer_size", "ring_middle")
+    its, other = (
+        suspicion("sensors.disagree", *s) for s in (CHAINS["ring"][1:], CHAINS["index"][1:])
+    )
+    assert _without_explained([size, its, other]) == [size, other]

@@ -1,12 +1,14 @@
 """One movement between two rests: gravity arrives where the accelerometer sees it, or the gyroscope is at fault."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from handscope.estimators.data.samples import ACC, GYR, Block, Stream
 from handscope.estimators.fault_detection.single_sensors.cells import cells_of
 from handscope.estimators.fault_detection.single_sensors.check_sensors import check_sensors
-from handscope.estimators.fault_detection.single_sensors.rest_turns import find
+from handscope.estimators.fault_detection.single_sensors.rest_turns import find, without_bias
 from handscope.estimators.fault_detection.single_sensors.significance import FALSE_ALARMS
 from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.constants import GRAVITY
@@ -50,6 +52,15 @@ def test_a_gyroscope_that_nobody_calibrated_is_right_and_a_wrong_one_is_found(bi
     assert check_sensors(bent_once(bias=bias)) == []
     (found,) = check_sensors(bent_once(np.diag([-1.0, 1.0, 1.0]), bias=bias))
     assert found.sensors == ("index_middle",)
+
+
+def test_the_bias_is_known_of_a_sensor_whose_accelerometer_is_badly_calibrated() -> None:
+    (block,) = bent_once(bias=0.0)
+    values = block.values.copy()
+    values[:, 1, :3] += [0.18, 0.0, -0.1]
+    values[:, 1, 3:] *= 0.93
+    cells = without_bias(cells_of([replace(block, values=values)]))
+    np.testing.assert_allclose(cells.gyr[:100, 1].mean(axis=0), 0.0, atol=0.01)
 
 
 @pytest.mark.parametrize(

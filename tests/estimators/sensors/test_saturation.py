@@ -53,6 +53,15 @@ def test_what_does_not_clip_has_no_limit() -> None:
     assert np.isinf(saturation.find_limits(_block(_swinging(1990.0)), ACC)).all()
 
 
+def test_coarse_readings_that_repeat_at_the_top_of_a_peak_are_no_limit() -> None:
+    step = np.radians(2000.0 / 2**15)
+    rate = step * np.round(_swinging(260.0)[:500] / step)
+    rate[[150, 151, 152]] = rate.max() + step  # as a peak is at 200 Hz
+    block = _block(np.zeros(500))
+    block.values[:, 1, 0] = rate
+    assert saturation.find_full_scales([block]) == {}
+
+
 def test_clipped_rates_are_bridged_as_if_the_full_scale_were_declared() -> None:
     made = simulate(
         ("initial_pose", "tapping"), "left", sized("left"), np.random.default_rng(4), IDEAL

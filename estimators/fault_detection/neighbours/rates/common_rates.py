@@ -2,7 +2,7 @@
 
 In      pairs of sensors (sensor_pairs.py)
 Out     what the joint's axes leave over of both rates in every window, for any gain of a sensor and any delay between the two
-Source  kernels.py; noise: of gyroscopes, of skin (common_joint.SKIN) and of scales; sizes ours
+Source  kernels.py; noise: of gyroscopes as the recording shows it, of skin (common_joint.SKIN) and of scales; sizes ours
 Limits  joints of one axis, or of flexion and abduction: not the wrist and the thumb's CMC. A joint whose parent does not turn across the axis of flexion tells nothing
 """
 
@@ -27,7 +27,13 @@ from handscope.estimators.numerics import quaternions as quat
 from handscope.estimators.numerics.typing import Array
 
 AVERAGED = 2  # samples of the common time base: 50 Hz
-NOISE = 0.002  # rad/s, of an averaged rate
+NOISE = 0.002  # rad/s, of what two averaged rates differ, where the readings show no more
+DIFFERENCES, OF_NOISE = (
+    4,
+    70.0,
+)  # order of the differences that show noise, and what white noise makes of their variance: the binomial coefficient of 8 over 4
+ENOUGH = 0.2  # of a window's differences
+QUIET_SHARE = 10.0  # per cent of the windows, those with least noise, in which nothing moves
 SCALE = 0.01  # of a rate: scale and cross-axis errors
 BESIDE = 0.5  # of what a joint pulls the skin on its segments: on the next ones; ours
 LAGGED = 5  # averaged samples, 0.1 s, within which skin that a joint pulls comes to rest; ours
@@ -78,6 +84,12 @@ class CommonRates:
             name: (quat.rotate(self.pairs.q_BS[name], mean[:, k]), columns[k])
             for k, name in enumerate(s.sensors)
         }
+
+    @cached_property
+    def noise(self) -> Mapping[str, float]:
+        """Variance of an averaged rate by sensor, (rad/s)^2: of the recording's quietest windows."""
+        m = round(joint_windows.LENGTH * joint_windows.RATE) // AVERAGED
+        return {name: noise_variance(*each, m) for name, each in self.rates.items()}
 
     @cached_property
     def t(self) -> Array:
@@ -156,12 +168,25 @@ class CommonRates:
         a, b = parent[rows] / of_parent, child[later] / of_child
         there = is_parent[rows] & is_child[later] & inside
         pulled = self._pulled(joint, a[:, 2], b[:, 2], rows, later)
-        variance = NOISE**2 + SKIN**2 * _around(pulled)
+        of_both = max(NOISE**2, self.noise[joint[0]] + self.noise[joint[1]])
+        variance = of_both + SKIN**2 * _around(pulled)
         variance += SCALE**2 * ((a**2).sum(axis=1) + (b**2).sum(axis=1))
         if joint[0] == "hand":
             variance += PULLED**2 * self._of_knuckles[rows]
         m = round(joint_windows.LENGTH * joint_windows.RATE) // AVERAGED
         return a, b, there / variance, m, AVERAGED / joint_windows.RATE, len(DOFS[joint]) > 1
+
+
+def noise_variance(rate: Array, there: NDArray[np.bool_], m: int) -> float:
+    """Variance of an axis of white noise in rates (n, 3) where samples are there (n,), by the windows of m in which differences of high order vary least; 0 where no window has enough of them."""
+    known = np.convolve(there, np.ones(DIFFERENCES + 1), "valid") > DIFFERENCES + 0.5
+    squares = np.where(known, (np.diff(rate, DIFFERENCES, axis=0) ** 2).mean(axis=1), 0.0)
+    whole = len(squares) // m * m
+    count, total = (v[:whole].reshape(-1, m).sum(axis=1) for v in (known, squares))
+    enough = count >= ENOUGH * m
+    if not enough.any():
+        return 0.0
+    return float(np.percentile(total[enough] / count[enough], QUIET_SHARE) / OF_NOISE)
 
 
 def _around(square: Array) -> Array:
