@@ -33,6 +33,7 @@ BREADTH_SD = 0.045  # of itself, where it was not measured
 # of itself, a finger's total that is derived from the palm alone, or from nothing: as fingers scatter
 # if they correlate with the palm by 0.5 to 0.6; that correlation is ours
 FROM_PALM_SD = 0.06
+THUMB_ANGLE_SD = np.radians(3.0)  # of the angle between wrist-MCP 3 and wrist-CMC; size ours
 # of the palm's length, dorsal, distal, ulnar: how far roots lie from where ratios put them in a flat
 # palm, a uniform distribution up to where MyoHand has them
 PLACE_SD: Mapping[str, tuple[float, float, float]] = {
@@ -59,6 +60,16 @@ def covariance(
     return whole
 
 
+def of_palm(geometry: HandGeometry) -> Array:
+    """(5 fingers, 6, 6) as `covariance`: what palms that are not flat add where places of roots were
+    not measured. Of tips that are output; contacts are weighed without it (decision 0026)."""
+    added = np.zeros((len(FINGERS), 6, 6))
+    for own, finger in zip(added, FINGERS):
+        if root_joint(finger) not in geometry.measured:
+            own[:3, :3] = np.diag(np.square(PLACE_SD[finger])) * geometry.lengths["hand"] ** 2
+    return added
+
+
 def _of_finger(geometry: HandGeometry, finger: str, length_sd: float) -> Array:
     """As the errors of independent causes, one a column, make it."""
     root, bones = _root(geometry, finger, length_sd), _bones(geometry, finger, length_sd)
@@ -67,7 +78,7 @@ def _of_finger(geometry: HandGeometry, finger: str, length_sd: float) -> Array:
 
 def _root(geometry: HandGeometry, finger: str, length_sd: float) -> Array:
     """How its place errs (3, causes): with its distance from the wrist, with the hand's breadth,
-    and as palms are not flat."""
+    about the hand's normal."""
     joint = root_joint(finger)
     x, y, z = geometry.joint_positions[joint]
     distance = float(np.hypot(y, z))
@@ -78,9 +89,14 @@ def _root(geometry: HandGeometry, finger: str, length_sd: float) -> Array:
     )
     if joint in geometry.measured:
         return along * np.array([[x, y, z]]).T
-    broad = 0.0 if finger == "thumb" or "hand_breadth" in geometry.measured else BREADTH_SD
-    own = np.diag(PLACE_SD[finger]) * geometry.lengths["hand"]
-    return np.column_stack([[along * x, along * y, along * z], [0.0, 0.0, broad * z], own])
+    turned, broad = (
+        (THUMB_ANGLE_SD, 0.0)
+        if finger == "thumb"
+        else (0.0, 0.0 if "hand_breadth" in geometry.measured else BREADTH_SD)
+    )
+    return np.array(
+        [[along * x, along * y, along * z], [0.0, 0.0, broad * z], [0.0, -turned * z, turned * y]]
+    ).T
 
 
 def _bones(geometry: HandGeometry, finger: str, length_sd: float) -> Array:

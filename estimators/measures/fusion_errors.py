@@ -213,4 +213,5 @@ def _by_lengths(calibration: Calibration, R_wrist: Array, ends: Array, roots: Ar
     turned = np.broadcast_to(R_wrist[:, None], (*roots.shape[:2], 3, 3))
     J = np.concatenate([turned, bones.transpose(0, 1, 3, 2)], axis=3)
     C = length_covariance.covariance(calibration.geometry, LENGTH_SD, calibration.lengths_sd)
+    C += length_covariance.of_palm(calibration.geometry)
     return np.asarray(((J @ C) * J).sum(axis=-1))

@@ -410,8 +410,10 @@ def _output_uncertainty(
     if not len(estimate.update_rows):
         return before
     angles, q_pc = pose.angles[estimate.update_rows], pose.q_pc[estimate.update_rows]
+    geometry = state.calibration.geometry
+    of_lengths = state.of_lengths + length_covariance.of_palm(geometry)
     angles_sd, tips_sd, largest = output_covariance.of_hand(
-        angles, q_pc, estimate.P, state.calibration.geometry, state.of_lengths
+        angles, q_pc, estimate.P, geometry, of_lengths
     )
     return OutputUncertainty(
         np.concatenate([before.angles_sd, joint_angles.mask_non_freedoms(angles_sd)]),

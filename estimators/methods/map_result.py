@@ -261,7 +261,8 @@ def add_wrist_uncertainty(
         )
         tips = np.hypot(tips, np.nan_to_num(there - here))  # an unknown wrist counts as neutral
     turn = quat.matrix(joint_angles.compose(np.nan_to_num(angles[:, JOINT["wrist"]])))
-    of_roots = length_covariance.covariance(geometry, params.length_guess)[:, :3, :3]
+    of_hand = length_covariance.covariance(geometry, params.length_guess)
+    of_roots = (of_hand + length_covariance.of_palm(geometry))[:, :3, :3]
     return replace(
         movement,
         tips_sd=np.hypot(tips, np.sqrt(np.einsum("nij,fjk,nik->nfi", turn, of_roots, turn))),

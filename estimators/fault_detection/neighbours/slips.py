@@ -42,22 +42,16 @@ FINER = (0.8, 1.0, 1.25)  # of such a length, twice
 INSTANT = joint_windows.AVERAGED / joint_windows.RATE  # s
 LEAST_INSTANTS = 12  # of a window that has gaps, in one piece
 OF_SENSOR, ASKED = 2, 4  # windows of a sensor, and in all, that are asked: the oddest
-ISOLATED = (
-    10  # windows that are asked in which rates show a turn that neighbours' do not: the oddest
-)
+ISOLATED = 10  # windows, the oddest, in which rates show a turn that neighbours' do not
 STEPS, REFINED = 3, 2  # of the search for a turn, and of its course
 SHIFTS = INSTANT / 4 * np.arange(-2, 3)  # s, of its begin
 DIFFERENCE = 1e-3  # rad, for derivatives
 MOVED = 1e-4  # m, for derivatives
 AROUND = 0.1  # s, by which the middle of a turn may be off the one that rates show
-SKIN_SHIFT = (
-    1.5e-3  # m, each axis, by which skin may move a joint's place between a window and others; ours
-)
+SKIN_SHIFT = 1.5e-3  # m, each axis, that skin moves a joint's place between windows; ours
 DEPENDENT = 6.0  # of what a window leaves, components by instants, one in so many counts: neighbouring samples and axes err together; ours
-UNEXPLAINED, HARDLY = (
-    6.0,
-    0.1,
-)  # times what the other joints let expect, and what is left without a turn: a window that leaves more than both is none that a turn explains; ours
+# times what the other joints let expect, and what is left without a turn: a window that leaves more than both is none that a turn explains; ours
+UNEXPLAINED, HARDLY = 6.0, 0.1
 CONVINCING = 6.0  # log likelihood ratio of a turn to none, which 1 in 20 of 188 intact recordings of two simulators reached somewhere ...
 PROMISING = 9.0  # the same of the best turn that there could be, if it leaves what is usual, from which on one is looked for
 COINCIDENT = 0.05  # ... and of 20 such windows none in which rates showed the turn as well

@@ -25,6 +25,7 @@ def _bent(rng: np.random.Generator) -> Array:
 def _tips_sd(geometry: HandGeometry, q_pc: Array) -> Array:
     """(5, 3) m where the rotations are known exactly."""
     of_lengths = length_covariance.covariance(geometry, FEW_PERCENTS)
+    of_lengths += length_covariance.of_palm(geometry)
     angles = joint_angles.decompose(q_pc)
     return np.asarray(
         output_covariance.of_hand(
@@ -50,6 +51,7 @@ def _told_otherwise(
 def test_tips_err_as_drawn_lengths_make_them(rng: np.random.Generator) -> None:
     geometry, q_pc = sized("right", MEASURED), _bent(rng)
     covariance = length_covariance.covariance(geometry, FEW_PERCENTS)
+    covariance += length_covariance.of_palm(geometry)
     sds = _tips_sd(geometry, q_pc)
     here = forward_kinematics.tips(q_pc, geometry)
     for f, finger in enumerate(FINGERS):
@@ -141,9 +143,16 @@ def test_roots_of_a_hand_of_bones_lie_within_two_standard_deviations() -> None:
         "little": (-13.2e-3, 68.7e-3, 23.6e-3),
     }
     geometry = sized("left", HandMeasures(palm_length=81.5e-3))
-    covariance = length_covariance.covariance(geometry, FEW_PERCENTS)[:, :3, :3]
+    covariance = length_covariance.covariance(geometry, FEW_PERCENTS)
+    covariance += length_covariance.of_palm(geometry)
     for finger, place in bones.items():
         off = np.array(place) - geometry.joint_positions[root_joint(finger)]
-        sd = np.sqrt(np.diag(covariance[FINGERS.index(finger)]))
+        sd = np.sqrt(np.diag(covariance[FINGERS.index(finger), :3, :3]))
         assert (np.abs(off) < 2 * sd).all(), finger
         assert sd.max() < 0.02
+
+
+def test_where_a_joint_was_measured_the_palm_adds_nothing() -> None:
+    places = {"thumb_cmc": (0.0, 0.02, -0.02)}
+    added = length_covariance.of_palm(sized("left", HandMeasures(joint_positions=places)))
+    assert not added[0].any() and added[4, 0, 0] > 0

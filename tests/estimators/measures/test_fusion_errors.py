@@ -66,6 +66,7 @@ def test_angles_and_tips_err_as_pose_and_mounting_make_them(
     monkeypatch.setattr(
         length_covariance, "covariance", lambda geometry, sd, found: np.zeros((5, 6, 6))
     )
+    monkeypatch.setattr(length_covariance, "of_palm", lambda geometry: np.zeros((5, 6, 6)))
     angles, tips = [], []
     low, high = 0.4 * LIMITS[..., 0], 0.4 * LIMITS[..., 1]
     for _ in range(people):

@@ -28,10 +28,8 @@ from handscope.estimators.numerics.typing import Array
 
 AVERAGED = 2  # samples of the common time base: 50 Hz
 NOISE = 0.002  # rad/s, of what two averaged rates differ, where the readings show no more
-DIFFERENCES, OF_NOISE = (
-    4,
-    70.0,
-)  # order of the differences that show noise, and what white noise makes of their variance: the binomial coefficient of 8 over 4
+# order of the differences that show noise, and what white noise makes of their variance: the binomial coefficient of 8 over 4
+DIFFERENCES, OF_NOISE = 4, 70.0
 ENOUGH = 0.2  # of a window's differences
 QUIET_SHARE = 10.0  # per cent of the windows, those with least noise, in which nothing moves
 SCALE = 0.01  # of a rate: scale and cross-axis errors
