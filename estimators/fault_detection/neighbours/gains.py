@@ -98,9 +98,9 @@ def _lowest(gains: Array, left: Array) -> float:
 
 def p_value_of(wrong: Pairs, right: Pairs, sensor: str, gain: float) -> float:
     """Probability that `find` would tell of a gain, by readings with it and without."""
-    if not any(wrong.is_doubtful(*j) for j in wrong.joints if sensor in j):
+    if not any(wrong.is_doubtful(*j) for j in wrong.joints_of(sensor)):
         return 1.0
-    judged = _judged(sensor, gain, *(_left(p, _around(p, sensor)) for p in (wrong, right)))
+    judged = _judged(sensor, gain, *(_left(p, p.joints_of(sensor)) for p in (wrong, right)))
     return min(1.0, judged.p_value * _count(right))
 
 
@@ -111,7 +111,7 @@ def _count(pairs: Pairs) -> int:
 
 def _best(pairs: Pairs, sensor: str) -> Gain:
     """The gain of a sensor that explains its joints best, those tried and one between them."""
-    joints = _around(pairs, sensor)
+    joints = pairs.joints_of(sensor)
     before = _left(pairs, joints)
     after = {g: _left(pairs.with_gain(sensor, g), joints) for g in GAINS}
     gains = sorted([*GAINS, 1.0])
@@ -124,11 +124,6 @@ def _best(pairs: Pairs, sensor: str) -> Gain:
     if _total(between) > totals[k]:
         gain, between = gains[k], after[gains[k]]
     return _judged(sensor, gain, before, between)
-
-
-def _around(pairs: Pairs, sensor: str) -> list[tuple[str, str]]:
-    """The joints of a sensor."""
-    return [j for j in pairs.joints if sensor in j]
 
 
 def _left(

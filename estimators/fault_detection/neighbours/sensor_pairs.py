@@ -61,6 +61,10 @@ class Pairs:
         present = self.series.sensors if self.among is None else self.among
         return [(j.parent, j.child) for j in JOINTS if j.parent in present and j.child in present]
 
+    def joints_of(self, sensor: str) -> list[tuple[str, str]]:
+        """Those that a sensor is at."""
+        return [joint for joint in self.joints if sensor in joint]
+
     @cached_property
     def later(self) -> "Pairs":
         """The same in windows that begin half a window later."""
@@ -91,7 +95,7 @@ class Pairs:
 
     def with_rates(self, sensor: str, M: Array) -> "Pairs":
         """A sensor and its neighbours, its rates those that a matrix (3, 3) makes of its readings."""
-        around = {sensor, *(n for joint in self.joints if sensor in joint for n in joint)}
+        around = {sensor, *(n for joint in self.joints_of(sensor) for n in joint)}
         own = _by_matrix(self.series, sensor, M)
         windows = {(n, 0.0): self.windows(n) for n in around}
         (windows[sensor, 0.0],) = joint_windows.cut(own, (sensor,))

@@ -116,7 +116,7 @@ def find_jump(pairs: Pairs) -> Slip | None:
 
 def _jumped(pairs: Pairs, sensor: str, tests: float) -> tuple[Slip | None, int]:
     """The sensor's largest jump that all its joints show, and how many they are."""
-    around = _joints_of(pairs, sensor)
+    around = pairs.joints_of(sensor)
     fits = [(j, pairs.joint(*j, j), pairs.whole(*j)) for j in around]
     if not fits:
         return None, 0
@@ -162,7 +162,7 @@ def find_turning(pairs: Pairs, others: Others) -> Slip | None:
         each
         for view in (pairs, pairs.later)
         for sensor in view.series.sensors
-        if _joints_of(view, sensor)
+        if view.joints_of(sensor)
         for each in _suspected(view, others, sensor)
     ]
     isolated = [a for a in asked if a.seen is not None]
@@ -199,14 +199,10 @@ def _suspected(pairs: Pairs, others: Others, sensor: str) -> list[_Asked]:
     return found + [_Asked(pairs, sensor, int(k), float(odd[k])) for k in most]
 
 
-def _joints_of(pairs: Pairs, sensor: str) -> list[tuple[str, str]]:
-    return [j for j in pairs.joints if sensor in j]
-
-
 def _ratios(pairs: Pairs, others: Others, sensor: str) -> list[Array]:
     """How many times what other joints let expect each of a sensor's joints leaves in every window (K,), as the other windows tell where it lies."""
     sizes, found = others.without(sensor), []
-    for joint in _joints_of(pairs, sensor):
+    for joint in pairs.joints_of(sensor):
         fit, use = pairs.joint(*joint, joint), pairs.use(*joint)
         sums = _weighted_sums(fit, use, sizes.expected(fit.couple.parts))
         step = _step_by(sums.sum(axis=0) - sums, joint.index(sensor))
@@ -216,7 +212,7 @@ def _ratios(pairs: Pairs, others: Others, sensor: str) -> list[Array]:
 
 def share_shown(pairs: Pairs, others: Others, sensor: str, turn: Array) -> float:
     """In what share of a recording's windows a turn (3,) rad of a sensor, in its frame and to one side or the other within `TAKEN` s, would be told if its gyroscope saw it."""
-    if len(_joints_of(pairs, sensor)) < 2:  # one joint that lies near hardly ever tells it
+    if len(pairs.joints_of(sensor)) < 2:  # one joint that lies near hardly ever tells it
         return 0.0
     last = len(pairs.series.chosen) - 1
     asked = np.unique(np.linspace(0, last, SAMPLED).round().astype(int))
@@ -268,7 +264,7 @@ class _Window:
     @classmethod
     def of(cls, pairs: Pairs, others: Others, sensor: str, k: int) -> "_Window | None":
         """Window k; None where too few instants are there."""
-        joints = _joints_of(pairs, sensor)
+        joints = pairs.joints_of(sensor)
         fits = [pairs.joint(*joint, joint) for joint in joints]
         there = np.all([f.couple.first.weight[k] > 0 for f in fits], axis=0)
         m = int(there.sum())

@@ -100,7 +100,7 @@ def share_seen(
 
 def neighbours_of(pairs: Pairs, sensor: str) -> Sequence[str]:
     """The sensors that it shares a joint with."""
-    return [n for joint in pairs.joints if sensor in joint for n in joint if n != sensor]
+    return [n for joint in pairs.joints_of(sensor) for n in joint if n != sensor]
 
 
 def turn_rate(at: Array, begin: float, length: float) -> Array:
